@@ -1,14 +1,15 @@
-// The apparatus on a canvas: stand, dial, sensor, suspension, bob, the pale accurate solution, and bars of energy.
+// The apparatus on a canvas: stand, dial, sensor, suspension, bob, the pale accurate solution, and the bar of energies.
 
-const BARS = ["kinetic", "potential", "heat", "work", "residual"];
+const LETTERS = "12px system-ui, sans-serif";
+const STACK = ["kinetic", "potential", "heat"]; // what the bar of energies adds up
+const BAR = 26; // height of the bar with the room above it [CSS pixels]
+const TRAIL = 90; // readings behind the bob
 
 /** The colours of the page now, by the names of CSS variables without dashes in front. */
 function paint() {
   const style = getComputedStyle(document.documentElement);
   return (name) => style.getPropertyValue(`--${name}`).trim();
 }
-
-const LETTERS = "12px system-ui, sans-serif";
 
 /** Fit a canvas to its place on the screen; returns the context with lengths in CSS pixels, and the size.
  * `tall` is a function from the width to the height. */
@@ -26,53 +27,33 @@ function fitted(canvas, tall) {
   return { context, width, height };
 }
 
-/** The pivot and the drawn length in a picture of the apparatus. */
-function geometry(width) {
-  return { x: 0.5 * width, y: 0.42 * width, length: 0.31 * width };
+/** The pivot and the drawn length of a pendulum that swings up to an angle [rad], in a picture of this width.
+ *
+ * A small swing hangs from the upper edge, as large as it fits; the further it goes, the smaller it is drawn and the
+ * lower the pivot stands, without a jump. */
+function geometry(width, reach) {
+  const above = Math.min(Math.max((reach - Math.PI / 2) / (Math.PI / 2), 0), 1); // 0 below the horizontal, 1 for full turns
+  const widest = 0.4 / Math.max(Math.sin(Math.min(1.1 * reach + 0.1, Math.PI / 2)), 0.01);
+  const length = Math.min(0.64, widest) * (1 - above) + 0.31 * above;
+  return { x: 0.5 * width, y: (0.1 + 0.35 * above) * width, length: length * width };
 }
 
-/** Draw one pendulum: `lane` has machine, ghost, colour and, for the bars, energies and scale. */
-function drawApparatus(canvas, lane, torque, colour) {
-  const { context: c, width, height } = fitted(canvas, (wide) => 0.88 * wide + BARS.length * barRow(wide));
-  const rest = geometry(width), { length } = rest;
+/** Draw one pendulum. `lane` has machine, ghost, colour, what it shows of energies, and `share`, its length over that of
+ * the longest; `reach` is the largest angle that any of the pendulums has reached [rad]. */
+function drawApparatus(canvas, lane, torque, reach, shown, colour) {
+  const { context: c, width, height } = fitted(canvas, (wide) => 0.92 * wide + BAR);
+  const rest = geometry(width, lane.outline.length ? Math.PI : reach), length = rest.length * lane.share;
   const now = lane.machine.last;
   const [x, y] = [rest.x + lane.shaken("horizontal", now.time) * length, rest.y - lane.shaken("vertical", now.time) * length];
   c.lineCap = "round";
-  c.fillStyle = colour("dial");
-  c.strokeStyle = colour("dial-edge");
-  c.lineWidth = 1;
-  c.beginPath();
-  c.arc(x, y, 1.16 * length, 0, 2 * Math.PI);
-  c.fill();
-  c.stroke();
-  c.strokeStyle = colour("steel-dark");
-  c.lineWidth = 0.018 * width;
-  c.beginPath();
-  c.moveTo(0.06 * width, 0.84 * width);
-  c.lineTo(0.06 * width, 0.06 * width);
-  c.moveTo(0.06 * width, rest.y);
-  c.lineTo(rest.x, rest.y);
-  c.moveTo(rest.x, rest.y);
-  c.lineTo(x, y);
-  c.stroke();
-  c.fillStyle = colour("faint-ink");
-  c.font = LETTERS;
-  c.textAlign = "center";
-  c.textBaseline = "middle";
-  for (let degrees = -150; degrees <= 180; degrees += 30) {
-    const angle = (degrees * Math.PI) / 180;
-    const [sin, cos] = [Math.sin(angle), Math.cos(angle)];
-    c.beginPath();
-    c.strokeStyle = colour("rule");
-    c.lineWidth = 1;
-    c.moveTo(x + 1.16 * length * sin, y + 1.16 * length * cos);
-    c.lineTo(x + 1.11 * length * sin, y + 1.11 * length * cos);
-    c.stroke();
-    if (width > 200 && degrees !== -90) c.fillText(`${degrees}°`.replace("-", "−"), x + 1.29 * length * sin, y + 1.25 * length * cos);
-  }
+  stand(c, width, rest, x, y, colour);
+  dial(c, width, x, y, rest.length, lane.outline.length ? Math.PI : reach, colour);
+  if (shown.trail && !lane.outline.length) trail(c, lane, x, y, length, width);
   if (lane.ghost) bob(c, x, y, length, lane.ghost.last.angle, width, lane, colour("faint-ink"), colour, 0.35);
   c.fillStyle = colour("sensor");
-  c.fillRect(x - 0.05 * width, y - 0.05 * width, 0.1 * width, 0.1 * width);
+  c.beginPath();
+  c.roundRect(x - 0.05 * width, y - 0.05 * width, 0.1 * width, 0.1 * width, 0.012 * width);
+  c.fill();
   bob(c, x, y, length, now.angle, width, lane, lane.colour, colour, 1);
   c.fillStyle = colour("steel-light");
   c.beginPath();
@@ -85,7 +66,105 @@ function drawApparatus(canvas, lane, torque, colour) {
     c.arc(x, y, 0.08 * width, 0.5 * Math.PI, 0.5 * Math.PI - 2.2 * torque, torque > 0);
     c.stroke();
   }
-  bars(c, lane, width, 0.88 * width, colour);
+  arrows(c, lane, x, y, length, width, shown, colour);
+  energyBar(c, lane, width, height, colour);
+}
+
+/** Draw the post and the arm that hold the sensor at (x, y), which a drive may move away from its rest. */
+function stand(c, width, rest, x, y, colour) {
+  c.strokeStyle = colour("steel-dark");
+  c.lineWidth = Math.max(2, 0.016 * width);
+  c.beginPath();
+  c.moveTo(0.05 * width, 0.9 * width);
+  c.lineTo(0.05 * width, 0.03 * width);
+  c.moveTo(0.05 * width, rest.y);
+  c.lineTo(rest.x, rest.y);
+  c.lineTo(x, y);
+  c.stroke();
+}
+
+/** Draw the scale of degrees: a whole circle, or the arc of a small swing. */
+function dial(c, width, x, y, length, reach, colour) {
+  const whole = reach > 0.95 * Math.PI / 2, most = whole ? 180 : Math.ceil((reach * DEGREES) / 5 + 0.4) * 5;
+  const radius = 1.14 * length, room = width > 200 ? 30 : 44; // pixels between two numbers
+  const fine = [1, 5, 10, 30, 90].find((step) => radius * step > 4 * DEGREES);
+  const numbered = [1, 2, 5, 10, 15, 30, 45, 90].find((step) => radius * step > room * DEGREES);
+  const start = 0.5 * Math.PI - most / DEGREES, end = 0.5 * Math.PI + most / DEGREES;
+  c.fillStyle = colour("dial");
+  c.strokeStyle = colour("dial-edge");
+  c.lineWidth = 1;
+  c.beginPath();
+  if (!whole) c.moveTo(x, y);
+  c.arc(x, y, radius, start, end);
+  c.fill();
+  c.beginPath();
+  c.arc(x, y, radius, start, end);
+  c.stroke();
+  c.fillStyle = colour("faint-ink");
+  c.font = LETTERS;
+  c.textAlign = "center";
+  c.textBaseline = "middle";
+  c.strokeStyle = colour("rule");
+  for (let degrees = -Math.floor(most / fine) * fine; degrees <= most; degrees += fine) {
+    if (whole && degrees === -180) continue;
+    const [sin, cos] = [Math.sin(degrees / DEGREES), Math.cos(degrees / DEGREES)];
+    const inner = radius - (degrees % numbered === 0 ? 8 : 4);
+    c.beginPath();
+    c.moveTo(x + radius * sin, y + radius * cos);
+    c.lineTo(x + inner * sin, y + inner * cos);
+    c.stroke();
+    const [u, v] = [x + (radius + 17) * sin, y + (radius + 10) * cos];
+    if (degrees % numbered === 0 && width > 110 && degrees !== -90 && u > 0.07 * width + 12 && u < width - 16) {
+      c.fillText(`${degrees}°`.replace("-", "−"), u, v);
+    }
+  }
+}
+
+/** Draw where the bob was, paler the longer ago. */
+function trail(c, lane, x, y, length, width) {
+  const rows = lane.history.rows.slice(-TRAIL);
+  c.strokeStyle = lane.colour;
+  c.lineWidth = Math.max(1.5, 0.012 * width);
+  for (let i = 1; i < rows.length; i += 1) {
+    const [one, other] = [rows[i - 1][1], rows[i][1]];
+    if (Math.abs(other - one) > 1.5) continue; // readings that are far apart draw no arc
+    c.globalAlpha = 0.4 * (i / rows.length) ** 2;
+    c.beginPath();
+    c.arc(x, y, length, 0.5 * Math.PI - one, 0.5 * Math.PI - other, other > one);
+    c.stroke();
+  }
+  c.globalAlpha = 1;
+}
+
+/** Draw arrows of velocity and acceleration at the bob, each as long as its size over the largest of this run. */
+function arrows(c, lane, x, y, length, width, shown, colour) {
+  if (lane.outline.length) return;
+  const { angle } = lane.machine.last, [sin, cos] = [Math.sin(angle), Math.cos(angle)];
+  const [u, v] = [x + length * sin, y + length * cos];
+  const wanted = [["velocity", [lane.motion.velocity, 0], lane.motion.fastest, colour("torque")],
+    ["acceleration", [lane.motion.tangential, lane.motion.central], lane.motion.strongest, colour("warning")]];
+  for (const [name, [along, inward], largest, tone] of wanted) {
+    if (!shown[name] || !(largest > 0)) continue;
+    const scale = (0.24 * width) / largest;
+    arrow(c, u, v, scale * (along * cos - inward * sin), scale * (-along * sin - inward * cos), tone);
+  }
+}
+
+function arrow(c, x, y, dx, dy, tone) {
+  const size = Math.hypot(dx, dy);
+  if (size < 2) return;
+  const head = Math.min(9, 0.5 * size), [a, b] = [dx / size, dy / size];
+  c.strokeStyle = c.fillStyle = tone;
+  c.lineWidth = 2.5;
+  c.beginPath();
+  c.moveTo(x, y);
+  c.lineTo(x + dx - head * a, y + dy - head * b);
+  c.stroke();
+  c.beginPath();
+  c.moveTo(x + dx, y + dy);
+  c.lineTo(x + dx - head * (a + 0.5 * b), y + dy - head * (b - 0.5 * a));
+  c.lineTo(x + dx - head * (a - 0.5 * b), y + dy - head * (b + 0.5 * a));
+  c.fill();
 }
 
 /** Draw suspension and bob, or the parts of a rigid body to scale, at an angle [rad]. */
@@ -113,7 +192,7 @@ function bob(c, x, y, length, angle, width, lane, tone, colour, strength) {
     c.globalAlpha = 1;
     return;
   }
-  const radius = Math.min(0.07, Math.max(0.018, (0.31 * lane.radius) / lane.reach)) * width;
+  const radius = Math.min(0.06 * width, Math.max(0.022 * width, (lane.radius / lane.reach) * length));
   c.strokeStyle = strength < 1 ? tone : colour(lane.suspension === "wire" ? "wire" : "steel");
   c.lineWidth = lane.suspension === "wire" ? 1.5 : 4;
   c.beginPath();
@@ -127,46 +206,26 @@ function bob(c, x, y, length, angle, width, lane, tone, colour, strength) {
   c.globalAlpha = 1;
 }
 
-const NAMES = 62, NUMBERS = 76, TRACK = 70; // widths of the longest name, the longest number, the shortest bar [CSS pixels]
-
-/** Whether names and numbers have no room beside the bars, and stand above them. */
-function stacked(width) {
-  return width < NAMES + TRACK + NUMBERS;
-}
-
-/** The height of a bar with its name and its number [CSS pixels]. */
-function barRow(width) {
-  return stacked(width) ? 30 : Math.max(17, 0.06 * width);
-}
-
-/** Draw bars of kinetic, potential, heat, work and residual [J]; an arrow marks a bar that is longer than its track. */
-function bars(c, lane, width, top, colour) {
-  const above = stacked(width), [left, right] = above ? [2, width - 2] : [NAMES, width - NUMBERS];
-  const zero = left + 0.3 * (right - left), row = barRow(width), thick = above ? 11 : 0.7 * row;
-  c.textBaseline = "middle";
-  c.font = LETTERS;
-  for (const [i, name] of BARS.entries()) {
-    const value = lane.energies[name], middle = top + (i + 0.5) * row;
-    const y = above ? middle + 7 : middle, words = above ? middle - 7 : middle;
-    const room = value < 0 ? zero - left : right - zero;
-    const full = (Math.abs(value) / lane.scale) * (right - zero);
-    c.fillStyle = colour("track");
-    c.fillRect(left, y - 0.5 * thick, right - left, thick);
+/** Draw one bar that kinetic and potential energy and heat share, and a mark for what they should add up to: the energy
+ * at the start and the work since. What is beyond the mark, or missing, is the method's error. */
+function energyBar(c, lane, width, height, colour) {
+  const [left, right] = [0.05 * width, 0.97 * width], top = height - BAR + 8, thick = BAR - 12;
+  const scale = (right - left) / lane.scale;
+  c.fillStyle = colour("track");
+  c.fillRect(left, top, right - left, thick);
+  let end = left;
+  for (const name of STACK) {
+    const next = Math.min(end + Math.max(lane.energies[name], 0) * scale, right);
     c.fillStyle = colour(`energy-${name}`);
-    const length = Math.min(full, room) || 0;
-    c.fillRect(value < 0 ? zero - length : zero, y - 0.5 * thick, length, thick);
-    if (full > room) {
-      c.fillStyle = colour("ink");
-      c.textAlign = value < 0 ? "left" : "right";
-      c.fillText(value < 0 ? "◀" : "▶", value < 0 ? left : right, y);
-    }
+    if (next > end) c.fillRect(end, top, next - end, thick); // not numbers: nothing
+    end = next > end ? next : end;
+  }
+  const mark = left + (lane.begun + lane.energies.work) * scale;
+  if (mark >= left && mark <= right + 1) {
+    c.fillStyle = colour("energy-residual");
+    c.fillRect(Math.min(end, mark), top + thick - 4, Math.abs(end - mark), 4);
     c.fillStyle = colour("ink");
-    c.textAlign = above ? "left" : "right";
-    c.fillText(name, above ? left : left - 6, words);
-    c.textAlign = above ? "right" : "left";
-    c.fillText(joules(value), above ? right : right + 6, words);
-    c.fillStyle = colour("rule");
-    c.fillRect(zero - 0.5, y - 0.5 * thick - 1, 1, thick + 2);
+    c.fillRect(mark - 1, top - 5, 2, thick + 8);
   }
 }
 

@@ -9,7 +9,8 @@ const { shortest: SHORTEST, longest: LONGEST } = PAGE; // steps that can be type
 const SMALL = 20; // largest start angle at which nothing is said of small angles [degrees]
 
 const lab = {
-  scene: Object.keys(PAGE.scenes)[0], lanes: [], chosen: -1, playing: true, speed: 1, time: 0, torque: 0,
+  scene: Object.keys(PAGE.scenes)[0], lanes: [], chosen: -1, playing: true, speed: 1, time: 0, torque: 0, reach: 0.2,
+  shown: { trail: true, velocity: false, acceleration: false }, watch: null, secret: false,
   pushed: false, drawn: 0,
 };
 
@@ -64,9 +65,18 @@ class Lane {
     // what errors of the energy are compared with: the energy at the start or, from rest, m g L
     const first = Math.abs(info.energy);
     this.reference = first > 1e-6 * parameters.scale ? first : parameters.scale || 1;
-    const share = place.motor || place.beat ? 2 : 0.05; // driven pendulums soon have more energy than at the start
-    this.scale = Math.max(Math.abs(info.energy), share * parameters.scale) * 1.25;
+    this.scale = Math.max(Math.abs(info.energy), 0.05 * parameters.scale) * 1.25; // of the bar of energies; it grows
+    this.begun = info.energy;
+    this.motion = { velocity: info.velocity, tangential: 0, central: info.velocity ** 2, fastest: 0, strongest: 0 };
+    this.crossed = NaN; // when the bob last went through the bottom to the right, and the time between the last two
+    this.swing = NaN;
     this.read(info, this.ghost.last);
+  }
+
+  /** The length, or another size of the body that it has in its place [m]. */
+  get length() {
+    const at = PAGE.scenes[lab.scene].settings.findIndex((setting) => setting.name === "body.length");
+    return at < 0 ? this.reach : this.values[at];
   }
 
   get name() {
@@ -88,7 +98,10 @@ class Lane {
     const energies = { kinetic: info.kinetic_energy, potential: info.potential_energy, heat: info.heat, work: info.work,
       residual: info.energy_residual };
     this.energies = energies;
-    this.history.add([info.time, info.angle, info.velocity, info.energy, info.energy_residual, ghost.angle, ghost.velocity]);
+    this.scale = Math.max(this.scale, 1.02 * (energies.kinetic + Math.max(energies.potential, 0) + energies.heat) || 0);
+    lab.reach = Math.min(Math.max(lab.reach, Math.abs(info.angle), Math.abs(ghost.angle) || 0), Math.PI);
+    this.history.add([info.time, info.angle, info.velocity, info.energy, info.energy_residual, ghost.angle, ghost.velocity,
+      info.kinetic_energy]);
   }
 
   /** Take up to `count` steps; a pendulum that stops keeps its last finite state. */
@@ -111,6 +124,7 @@ class Lane {
       } else {
         this.steps += many;
         this.cross(before, info);
+        this.time(before, info);
         this.read(info, this.ghost.stopped ? { angle: NaN, velocity: NaN } : this.ghost.last);
       }
     }
@@ -127,6 +141,26 @@ class Lane {
     const velocity = (6 * s * rest * rise + rest * (1 - 3 * s) * old + s * (3 * s - 2) * now) / step;
     this.section.push([wrapped(angle) * DEGREES, velocity]);
     if (this.section.length > 20000) this.section.splice(0, 10000);
+  }
+
+  /** Measure the motion between two states: acceleration, and the period from bottom to bottom in one direction. */
+  time(before, info) {
+    const step = info.time - before.time, { motion } = this;
+    [motion.velocity, motion.central] = [info.velocity, info.velocity ** 2];
+    motion.tangential = (info.velocity - before.velocity) / step;
+    motion.fastest = Math.max(motion.fastest, Math.abs(motion.velocity));
+    motion.strongest = Math.max(motion.strongest, Math.hypot(motion.tangential, motion.central));
+    const [one, other] = [wrapped(before.angle), wrapped(info.angle)];
+    if (!(one < 0 && other >= 0 && other - one < 1)) return;
+    let s = -one / (other - one); // of the step; then by Newton on the cubic through both states
+    for (let i = 0; i < 4; i += 1) {
+      const r = 1 - s, [old, now] = [before.velocity * step, info.velocity * step];
+      const value = one + s * s * (3 - 2 * s) * (other - one) + s * r * (r * old - s * now);
+      s -= value / (6 * s * r * (other - one) + r * (1 - 3 * s) * old + s * (3 * s - 2) * now);
+    }
+    const at = before.time + Math.min(Math.max(s, 0), 1) * step;
+    this.swing = at - this.crossed;
+    this.crossed = at;
   }
 
   end(code) {
@@ -173,7 +207,11 @@ function restart() {
     > 0.1 * Math.max(Math.abs(recorded), Math.abs(degrees)));
   say([small ? "This scene's force grows with the angle itself, which is right for small angles only." : "",
     apart ? `The recording begins at ${short6(recorded)}°: type it as the start angle to compare.` : ""].filter(Boolean).join(" "));
+  lab.reach = 0.2; // the largest angle of any pendulum so far, at least so much [rad]; the picture has room for it
   for (const lane of lab.lanes) lane.start();
+  const longest = Math.max(...lab.lanes.map((lane) => lane.length)); // parts of a rigid body are drawn as they are
+  for (const lane of lab.lanes) lane.share = lane.outline.length || !(longest > 0) ? 1 : lane.length / longest;
+  if (lab.watch) lab.watch = null, byId("watch").textContent = "Stopwatch";
   show();
 }
 
@@ -236,22 +274,29 @@ function letGo() {
 
 // --- what is drawn -------------------------------------------------------------------------------------------------
 
-const PLOTS = ["angle", "error", "phase", "distance", "section"];
+const PLOTS = ["angle", "energy", "error", "phase", "distance", "free", "section"];
 const CAPTIONS = {
   angle: "Angle against time; the accurate solution is pale",
-  error: "Residual, the error in the energy balance, over the energy at the start (from rest: over m g L)",
-  phase: "Phase portrait; the accurate orbit is pale",
+  energy: "Energy against time; dashed: kinetic (orange) and potential energy (blue) of one pendulum",
+  error: "Error of the energy over the energy at the start; a gain is solid, a loss dashed",
+  phase: "Phase portrait: velocity against angle; the accurate orbit is pale",
   distance: "Distance of the angle from the accurate solution",
+  free: "Any quantity against any other",
   section: "Poincaré section: the state once in each period of the drive",
 };
 const TURNS = 3; // frames in which every plot is drawn once
 const REACH = 36; // distance from a bob within which it is grabbed [CSS pixels]
+const PLANETS = { Earth: 9.81, Moon: 1.62, Mars: 3.72, Jupiter: 24.8 }; // gravity at the surface [m/s²]
 const OFTEN = 20; // frames between two descriptions of what the canvases show
-const LANE_PICTURES = [];
+const LANE_PICTURES = [], LEDGERS = [];
 
 function show(now) {
   const colour = paint();
-  for (const [i, lane] of lab.lanes.entries()) drawApparatus(LANE_PICTURES[i], lane, lab.torque, colour);
+  for (const [i, lane] of lab.lanes.entries()) {
+    drawApparatus(LANE_PICTURES[i], lane, lab.torque, lab.reach, lab.shown, colour);
+    if (now === undefined || i % TURNS === lab.drawn % TURNS) fillLedger(lane, LEDGERS[i]);
+  }
+  if (lab.watch) byId("watch").textContent = watchText();
   byId("clock").textContent = `${(Math.floor(100 * lab.time + 1e-6) / 100).toFixed(2)} s${lab.late ? ", slower than asked" : ""}`;
   PLOTS.forEach((name, i) => {
     if (now === undefined || i % TURNS === lab.drawn % TURNS) PLOTTED[name](colour);
@@ -260,13 +305,34 @@ function show(now) {
   lab.drawn += 1;
 }
 
+/** A share in percent, with its sign, as text. */
+function percent(share) {
+  const size = Math.abs(share);
+  return `${share > 0 ? "+" : "−"}${size < 1e6 ? Number(size.toPrecision(3)) : size.toExponential(1)} %`;
+}
+
+/** Write the energies of a pendulum, what its method added to them, and its period. */
+function fillLedger(lane, places) {
+  const { heat, work, residual } = lane.energies, share = (100 * residual) / lane.reference;
+  const texts = { kinetic: joules(lane.energies.kinetic), potential: joules(lane.energies.potential), heat: joules(heat), work: joules(work),
+    error: `${residual > 0 ? "+" : ""}${joules(residual)}${Math.abs(share) >= 0.01 ? ` (${percent(share)})` : ""}`,
+    period: Number.isFinite(lane.swing) ? `${lane.swing.toPrecision(5)} s` : "–" };
+  for (const [name, place] of Object.entries(places)) if (place.textContent !== texts[name]) place.textContent = texts[name];
+}
+
+/** The stopwatch: the time since it was started, or at which it was stopped [s of the pendulums]. */
+function watchText() {
+  const { from, to } = lab.watch;
+  return `${((to ?? lab.time) - from).toFixed(2)} s`;
+}
+
 /** One pendulum now, in words. */
 function words(lane) {
   const { angle, velocity, energy_residual: lost } = lane.machine.last;
-  const share = 100 * lost / lane.reference;
+  const share = (100 * lost) / lane.reference;
   const degrees = Math.abs(angle) < 100 ? (angle * DEGREES).toPrecision(3) : Math.round(angle * DEGREES);
   return `${lane.name}, step ${lane.dt} s: ${degrees}°, ${velocity.toPrecision(3)} rad/s, energy ${
-    Math.abs(share) < 1e-6 ? "kept" : `${share > 0 ? "+" : ""}${share.toPrecision(2)} %`}${lane.ended ? ", stopped" : ""}`.replaceAll("-", "−");
+    Math.abs(share) < 1e-6 ? "kept" : percent(share)}${lane.ended ? ", stopped" : ""}`.replaceAll("-", "−");
 }
 
 /** Say what each canvas shows now, for people who do not see it. */
@@ -301,6 +367,18 @@ function recent() {
     rows: lab.lanes.map((lane) => lane.history.rows.filter((row) => row[0] >= start - 0.5)) };
 }
 
+/** Quantities of the free plot: what a reading has of them, and the words beside the axis. */
+const QUANTITIES = {
+  time: { label: "time [s]", of: (row) => row[0] },
+  angle: { label: "angle [°]", of: (row) => row[1] * DEGREES },
+  velocity: { label: "velocity [rad/s]", of: (row) => row[2] },
+  kinetic: { label: "kinetic energy [J]", of: (row) => row[7] },
+  potential: { label: "potential energy [J]", of: (row) => row[3] - row[7] },
+  energy: { label: "energy [J]", of: (row) => row[3] },
+  error: { label: "error of the energy [J]", of: (row) => row[4] },
+  distance: { label: "angle's error [°]", of: (row) => (row[1] - row[5]) * DEGREES },
+};
+
 /** Draw a quantity of every pendulum, a function of a reading, against time on a logarithmic axis. */
 function drawLogarithm(name, ylabel, quantity, colour) {
   const { time, rows } = recent();
@@ -323,8 +401,27 @@ const PLOTTED = {
     drawPlot(byId("plot-angle"), { x: time, y: around(valuesOf(curves), 1), xlabel: "time [s]", ylabel: "angle [°]", curves },
       colour);
   },
+  energy(colour) {
+    const { time, rows } = recent(), whose = lead(), at = lab.lanes.indexOf(whose);
+    const [unit, factor] = whose.scale >= 1 ? ["J", 1] : whose.scale >= 1e-3 ? ["mJ", 1e3] : ["µJ", 1e6];
+    const parts = [["kinetic", (row) => row[7]], ["potential", (row) => row[3] - row[7]]];
+    const curves = parts.map(([name, of]) => ({ colour: colour(`energy-${name}`), dash: [5, 3], width: 1, points: rows[at].map((row) => [row[0], factor * of(row)]) }));
+    lab.lanes.forEach((lane, i) => curves.push({ colour: lane.colour, width: 2, points: rows[i].map((row) => [row[0], factor * row[3]]) }));
+    drawPlot(byId("plot-energy"), { x: time, y: around([0, ...valuesOf(curves)], 1e-12), xlabel: "time [s]", ylabel: `energy [${unit}]`,
+      curves }, colour);
+  },
   error(colour) {
-    drawLogarithm("error", "relative error", (row, lane) => row[4] / lane.reference, colour);
+    const { time, rows } = recent();
+    const curves = lab.lanes.flatMap((lane, i) => [1, -1].map((sign) => ({ colour: lane.colour, dash: sign < 0 ? [4, 3] : [],
+      points: rows[i].map((row) => [row[0], sign * row[4] > 0 ? logarithm(row[4] / lane.reference) : NaN]) })));
+    drawPlot(byId("plot-error"), { x: time, y: decades(curves), log: true, xlabel: "time [s]", ylabel: "relative error", curves }, colour);
+  },
+  free(colour) {
+    const [x, y] = ["x", "y"].map((axis) => QUANTITIES[byId(`free-${axis}`).value]);
+    const curves = lab.lanes.map((lane) => ({ colour: lane.colour,
+      points: lane.history.rows.slice(-1200).map((row) => [x.of(row, lane), y.of(row, lane)]) }));
+    drawPlot(byId("plot-free"), { x: around(valuesOf(curves, 0), 1e-9), y: around(valuesOf(curves), 1e-9), xlabel: x.label,
+      ylabel: y.label, curves }, colour);
   },
   phase,
   distance(colour) {
@@ -421,6 +518,7 @@ function decades(curves) {
 function chooseScene(name) {
   const place = PAGE.scenes[name];
   lab.scene = name;
+  lab.secret = false;
   push(0);
   lab.lanes = lab.lanes.map(({ method }) => new Lane(place.shown.includes(method) ? method : place.shown[0], place.run.dt));
   rebuild();
@@ -429,7 +527,7 @@ function chooseScene(name) {
 /** Make all controls and pictures anew for the present scene and pendulums, and begin the run again. */
 function rebuild() {
   keepingFocus(() => {
-    LANE_PICTURES.length = 0;
+    LANE_PICTURES.length = LEDGERS.length = 0;
     byId("pendulums").replaceChildren(...lab.lanes.map(lanePicture));
     makeControls();
   });
@@ -504,7 +602,7 @@ function whoseButton(name, i) {
 function fill() {
   const parameters = parametersOf(lab.scene, lead().values);
   for (const one of byId("equation").querySelectorAll("[data-number]")) {
-    one.textContent = short6(parameters[one.dataset.number]);
+    one.textContent = lab.secret ? "?" : short6(parameters[one.dataset.number]);
   }
   byId("angle").value = String(Number((lead().angle * DEGREES).toPrecision(7)));
   byId("velocity").value = String(lead().velocity);
@@ -519,7 +617,7 @@ function fill() {
 function described(lane) {
   const { settings } = PAGE.scenes[lab.scene], parts = [`step ${lane.dt} s`];
   settings.forEach((setting, i) => {
-    if (lab.lanes.some((other) => other.values[i] !== lane.values[i])) {
+    if (lab.lanes.some((other) => other.values[i] !== lane.values[i]) && !(lab.secret && setting.name === "gravity")) {
       parts.push(`${setting.label} ${short6(lane.values[i])}${setting.unit === "1" ? "" : ` ${setting.unit}`}`);
     }
   });
@@ -557,7 +655,38 @@ function settingControl(setting, i) {
   };
   box.addEventListener("change", () => take(box.value === "" ? NaN : Number(box.value)));
   slider.addEventListener("input", () => take(Number((usual * 5 ** Number(slider.value)).toPrecision(4))));
-  return element("div", { className: "setting" }, label, box, ...(usual > 0 ? [slider] : []));
+  const secret = setting.name === "gravity" && lab.secret;
+  if (secret) [box.value, box.placeholder, slider.disabled] = ["", "?", true];
+  const planets = setting.name !== "gravity" ? [] : [element("div", { className: "row planets", role: "group", "aria-label": "gravity of" },
+    ...Object.entries(PLANETS).map(([name, value]) => {
+      const made = element("button", { type: "button", id: `planet-${name}`, textContent: name });
+      made.addEventListener("click", () => {
+        lab.secret = false;
+        take(value);
+        rebuildControls();
+      });
+      return made;
+    }), secretButton(take))];
+  return element("div", { className: "setting" }, label, box, ...(usual > 0 ? [slider] : []), ...planets);
+}
+
+/** A button that lands on a planet whose gravity is not told until it is asked for. */
+function secretButton(take) {
+  const made = element("button", { type: "button", id: "planet-x", textContent: lab.secret ? "Show X" : "Planet X" });
+  made.addEventListener("click", () => {
+    lab.secret = !lab.secret;
+    if (lab.secret) take(Number((1.5 * 20 ** Math.random()).toPrecision(3)));
+    rebuildControls();
+  });
+  return made;
+}
+
+/** Where a pendulum's pivot at rest and its bob are on the screen [CSS pixels]. */
+function seen(lane) {
+  const box = LANE_PICTURES[lab.lanes.indexOf(lane)].getBoundingClientRect(), { angle } = lane.machine.last;
+  const { x, y, length } = geometry(box.width, lane.outline.length ? Math.PI : lab.reach);
+  const [u, v, far] = [box.left + x, box.top + y, length * lane.share];
+  return { x: u, y: v, bob: { x: u + far * Math.sin(angle), y: v + far * Math.cos(angle) } };
 }
 
 function lanePicture(lane) {
@@ -566,16 +695,15 @@ function lanePicture(lane) {
   const caption = element("figcaption", {}, lane.name, element("small"));
   let dragged = false, played = false;
   const aim = (event) => {
-    const box = canvas.getBoundingClientRect(), { x, y } = geometry(box.width);
-    const degrees = Math.atan2(event.clientX - box.left - x, event.clientY - box.top - y) * DEGREES;
+    const { x, y } = seen(lane);
+    const degrees = Math.atan2(event.clientX - x, event.clientY - y) * DEGREES;
     const angle = (Math.round(degrees * 10) / 10) / DEGREES;
     for (const one of lab.chosen < 0 ? lab.lanes : [lane]) [one.angle, one.velocity] = [angle, 0]; // with the lock open this one alone
     fill();
     restart();
   };
   canvas.addEventListener("pointerdown", (event) => {
-    const box = canvas.getBoundingClientRect(), { x, y, length } = geometry(box.width), { angle } = lane.machine.last;
-    const away = Math.hypot(event.clientX - box.left - x - length * Math.sin(angle), event.clientY - box.top - y - length * Math.cos(angle));
+    const { bob } = seen(lane), away = Math.hypot(event.clientX - bob.x, event.clientY - bob.y);
     if (away > REACH) return;
     event.preventDefault();
     canvas.setPointerCapture(event.pointerId);
@@ -591,7 +719,13 @@ function lanePicture(lane) {
   };
   canvas.addEventListener("pointerup", release);
   canvas.addEventListener("pointercancel", release);
-  return element("figure", {}, caption, canvas);
+  const place = PAGE.scenes[lab.scene], driven = place.motor || place.beat;
+  const losing = place.settings.some((setting) => setting.kind === "dissipative" || setting.kind === "medium");
+  const names = ["kinetic", "potential", ...(losing ? ["heat"] : []), ...(driven ? ["work"] : []), "error", "period"];
+  const values = names.map(() => element("dd"));
+  LEDGERS.push(Object.fromEntries(names.map((name, i) => [name, values[i]])));
+  return element("figure", {}, caption, canvas, element("dl", { className: "ledger" }, ...names.map((name, i) => element("div", {},
+    element("dt", { className: name, textContent: name }), values[i]))));
 }
 
 /** The largest stable step of a method in small swings [s]; null for none. */
@@ -734,7 +868,7 @@ function readLink(text) {
     const torque = number("control", 0);
     number("time", 0);
     if (!(Math.abs(torque) <= 1) || (torque && !place.motor)) throw new Error("control must be from -1 to 1, in a scene with a motor");
-    lab.scene = entries.get("scene");
+    [lab.scene, lab.secret] = [entries.get("scene"), false];
     lab.lanes = lanes.map(({ method, dt, values, angle, velocity }) => new Lane(method, dt, values, angle, velocity));
     push(torque);
     return "";
@@ -843,16 +977,36 @@ function tab(controls) {
 
 async function begin() {
   await unpack();
-  globalThis.LabPendulum = { lab, linkText, readLink, rebuild, advance, play, say, show, Machine };
+  globalThis.LabPendulum = { lab, seen, linkText, readLink, rebuild, advance, play, say, show, Machine };
   for (const [name, place] of Object.entries(PAGE.scenes)) {
     byId("scene").append(element("option", { value: name, textContent: `${name.replaceAll("_", " ")}: ${place.about}` }));
   }
   for (const speed of SPEEDS) byId("speed").append(element("option", { value: String(speed), textContent: `${speed}×` }));
   byId("speed").value = "1";
+  const axes = ["x", "y"].map((axis, i) => {
+    const select = element("select", { id: `free-${axis}`, "aria-label": `quantity of the ${axis} axis` }, ...Object.entries(QUANTITIES).map(
+      ([value, { label }]) => element("option", { value, textContent: label })));
+    select.value = ["angle", "energy"][i];
+    select.addEventListener("change", () => show());
+    return select;
+  });
   for (const name of PLOTS) {
     const canvas = element("canvas", { id: `plot-${name}`, role: "img", "aria-label": CAPTIONS[name] });
-    byId("plots").append(element("figure", {}, element("figcaption", { textContent: CAPTIONS[name] }), canvas));
+    byId("plots").append(element("figure", {}, element("figcaption", { textContent: CAPTIONS[name] }),
+      ...(name === "free" ? [element("div", { className: "row" }, axes[1], " against ", axes[0])] : []), canvas));
   }
+  for (const name of Object.keys(lab.shown)) {
+    const box = element("input", { type: "checkbox", id: `show-${name}`, checked: lab.shown[name] });
+    box.addEventListener("change", () => {
+      lab.shown[name] = box.checked;
+      show();
+    });
+    byId("shown").append(element("label", { className: "check" }, box, ` ${name}`));
+  }
+  byId("watch").addEventListener("click", () => { // starts, stops, goes back
+    lab.watch = lab.watch === null ? { from: lab.time } : lab.watch.to === undefined ? { ...lab.watch, to: lab.time } : null;
+    byId("watch").textContent = lab.watch ? watchText() : "Stopwatch";
+  });
   const shown = PAGE.scenes[lab.scene].shown;
   const dt = PAGE.scenes[lab.scene].run.dt;
   lab.lanes = PAGE.first.map((name) => new Lane(shown.includes(name) ? name : shown[0], dt));
