@@ -28,7 +28,7 @@ STEPPED = """
   const { Machine, lab } = LabPendulum;
   let best = Infinity;
   for (let repeat = 0; repeat < repeats; repeat += 1) {
-    const machine = new Machine("vacuum", method, lab.values, 0.01, 1, 0);
+    const machine = new Machine("vacuum", method, lab.lanes[0].values, 0.01, 1, 0);
     const begun = performance.now();
     for (let left = steps; left > 0; left -= piece) machine.take(1, piece, 0);
     best = Math.min(best, performance.now() - begun);

@@ -32,10 +32,10 @@ function fitted(canvas, tall) {
  * A small swing hangs from the upper edge, as large as it fits; the further it goes, the smaller it is drawn and the
  * lower the pivot stands, without a jump. */
 function geometry(width, reach) {
-  const above = Math.min(Math.max((reach - Math.PI / 2) / (Math.PI / 2), 0), 1); // 0 below the horizontal, 1 for full turns
+  const above = Math.max(-Math.cos(reach), 0); // how far the bob rises over the pivot, in lengths
   const widest = 0.4 / Math.max(Math.sin(Math.min(1.1 * reach + 0.1, Math.PI / 2)), 0.01);
-  const length = Math.min(0.64, widest) * (1 - above) + 0.31 * above;
-  return { x: 0.5 * width, y: (0.1 + 0.35 * above) * width, length: length * width };
+  const length = Math.min(0.64, widest, 0.65 / (1 + above));
+  return { x: 0.5 * width, y: Math.max(0.1, 0.08 + 1.14 * length * above) * width, length: length * width };
 }
 
 /** Draw one pendulum. `lane` has machine, ghost, colour, what it shows of energies, and `share`, its length over that of
@@ -75,9 +75,9 @@ function stand(c, width, rest, x, y, colour) {
   c.strokeStyle = colour("steel-dark");
   c.lineWidth = Math.max(2, 0.016 * width);
   c.beginPath();
-  c.moveTo(0.05 * width, 0.9 * width);
-  c.lineTo(0.05 * width, 0.03 * width);
-  c.moveTo(0.05 * width, rest.y);
+  c.moveTo(0.02 * width, 0.9 * width);
+  c.lineTo(0.02 * width, 0.03 * width);
+  c.moveTo(0.02 * width, rest.y);
   c.lineTo(rest.x, rest.y);
   c.lineTo(x, y);
   c.stroke();
@@ -85,7 +85,7 @@ function stand(c, width, rest, x, y, colour) {
 
 /** Draw the scale of degrees: a whole circle, or the arc of a small swing. */
 function dial(c, width, x, y, length, reach, colour) {
-  const whole = reach > 0.95 * Math.PI / 2, most = whole ? 180 : Math.ceil((reach * DEGREES) / 5 + 0.4) * 5;
+  const whole = reach > 165 / DEGREES, most = whole ? 180 : Math.ceil((reach * DEGREES) / 5 + 0.4) * 5;
   const radius = 1.14 * length, room = width > 200 ? 30 : 44; // pixels between two numbers
   const fine = [1, 5, 10, 30, 90].find((step) => radius * step > 4 * DEGREES);
   const numbered = [1, 2, 5, 10, 15, 30, 45, 90].find((step) => radius * step > room * DEGREES);
@@ -125,12 +125,16 @@ function trail(c, lane, x, y, length, width) {
   const rows = lane.history.rows.slice(-TRAIL);
   c.strokeStyle = lane.colour;
   c.lineWidth = Math.max(1.5, 0.012 * width);
-  for (let i = 1; i < rows.length; i += 1) {
-    const [one, other] = [rows[i - 1][1], rows[i][1]];
-    if (Math.abs(other - one) > 1.5) continue; // readings that are far apart draw no arc
-    c.globalAlpha = 0.4 * (i / rows.length) ** 2;
+  const piece = 10; // readings of one opacity
+  for (let first = 0; first < rows.length - 1; first += piece) {
+    c.globalAlpha = 0.4 * ((first + piece) / TRAIL) ** 2;
     c.beginPath();
-    c.arc(x, y, length, 0.5 * Math.PI - one, 0.5 * Math.PI - other, other > one);
+    c.moveTo(x + length * Math.sin(rows[first][1]), y + length * Math.cos(rows[first][1]));
+    for (let i = first + 1; i < Math.min(first + piece + 1, rows.length); i += 1) {
+      const [one, other] = [rows[i - 1][1], rows[i][1]];
+      if (Math.abs(other - one) > 1.5) c.moveTo(x + length * Math.sin(other), y + length * Math.cos(other)); // too far apart
+      else c.arc(x, y, length, 0.5 * Math.PI - one, 0.5 * Math.PI - other, other > one);
+    }
     c.stroke();
   }
   c.globalAlpha = 1;
@@ -209,7 +213,7 @@ function bob(c, x, y, length, angle, width, lane, tone, colour, strength) {
 /** Draw one bar that kinetic and potential energy and heat share, and a mark for what they should add up to: the energy
  * at the start and the work since. What is beyond the mark, or missing, is the method's error. */
 function energyBar(c, lane, width, height, colour) {
-  const [left, right] = [0.05 * width, 0.97 * width], top = height - BAR + 8, thick = BAR - 12;
+  const [left, right] = [0.02 * width, 0.98 * width], top = height - BAR + 8, thick = BAR - 12;
   const scale = (right - left) / lane.scale;
   c.fillStyle = colour("track");
   c.fillRect(left, top, right - left, thick);

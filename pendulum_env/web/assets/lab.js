@@ -284,7 +284,8 @@ const CAPTIONS = {
   free: "Any quantity against any other",
   section: "Poincaré section: the state once in each period of the drive",
 };
-const TURNS = 3; // frames in which every plot is drawn once
+const TURNS = 4; // frames in which every plot is drawn once
+const MOST_POINTS = 800; // of a curve against time: more than it has pixels
 const REACH = 36; // distance from a bob within which it is grabbed [CSS pixels]
 const PLANETS = { Earth: 9.81, Moon: 1.62, Mars: 3.72, Jupiter: 24.8 }; // gravity at the surface [m/s²]
 const OFTEN = 20; // frames between two descriptions of what the canvases show
@@ -360,11 +361,19 @@ function finest() {
   return found;
 }
 
-/** The axis of time, and the readings of every pendulum in it. */
+/** The axis of time, and the readings of every pendulum in it; computed once a frame. */
 function recent() {
+  if (lab.recent?.frame === lab.drawn && lab.recent.at === lab.time) return lab.recent;
   const start = Math.max(0, lab.time - 20);
-  return { time: [start, Math.max(lab.time, start + 2)],
-    rows: lab.lanes.map((lane) => lane.history.rows.filter((row) => row[0] >= start - 0.5)) };
+  const rows = lab.lanes.map((lane) => {
+    const { rows: all } = lane.history;
+    let first = all.length;
+    while (first > 0 && all[first - 1][0] >= start - 0.5) first -= 1;
+    const every = Math.ceil((all.length - first) / MOST_POINTS);
+    return every < 2 ? all.slice(first) : all.filter((_, i) => i >= first && (i % every === 0 || i === all.length - 1));
+  });
+  lab.recent = { frame: lab.drawn, at: lab.time, time: [start, Math.max(lab.time, start + 2)], rows };
+  return lab.recent;
 }
 
 /** Quantities of the free plot: what a reading has of them, and the words beside the axis. */
