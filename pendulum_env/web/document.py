@@ -42,7 +42,7 @@ from pendulum_env.web.links import LONGEST, MOST_PENDULUMS, NUMBER_FORM, SHORTES
 
 ASSETS = Path(__file__).with_name("assets")
 """Folder of the page's layout, styles and scripts."""
-SCRIPTS = ("machine.js", "elements.js", "drawing.js", "plots.js", "lab.js")
+SCRIPTS = ("machine.js", "elements.js", "drawing.js", "plots.js", "recording.js", "lab.js")
 """Scripts of the page, in the order in which they stand in it."""
 SHOWN_SCENES = ("exercise", "exercise_large", "lab", "vacuum", "driven", "chaotic", "kapitza")
 """Scenes of the page, unless others are asked for."""

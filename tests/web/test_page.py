@@ -19,6 +19,7 @@ from folder_contents import contents
 from in_browser import Opened, opened
 from in_firefox import evaluated
 from link_cases import LINKS as GRAMMAR
+from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
 import integrators
@@ -466,6 +467,65 @@ def test_what_a_class_measures(small: Path) -> None:
             before = do(seen, "document.getElementById('plot-free').toDataURL()")
             page.select_option(f"#free-{axis}", name)
             assert before != do(seen, "document.getElementById('plot-free').toDataURL()")
+
+
+FILES = {
+    "Time (s);Angle (deg)\n" + "\n".join(f"{t / 10:.1f};{t},5".replace(".", ",") for t in range(30)): (
+        [0.0, 2.9], [0.5, 29.5]),
+    "# a sensor\nt,x,theta [rad]\n" + "\n".join(f"{2 + t / 10},7,{t / 100}" for t in range(30)): (
+        [0.0, 2.9], [0.0, math.degrees(0.29)]),
+    "\n".join(f"{t} {t / 100}" for t in range(30)): ([0.0, 29.0], [0.0, math.degrees(0.29)]),
+    "\n".join(f"{t}\t{2 * t}" for t in range(30)): ([0.0, 29.0], [0.0, 58.0]),
+    "time,angle\n" + "\n".join(f"{t},{t}" for t in range(5)): "fewer than 20 lines",
+    "\n".join(f"{t % 7},{t}" for t in range(30)): "times do not increase",
+    "<html>" * 300: "fewer than 20 lines",
+}
+"""Texts of recordings: first and last time [s] and angle [degrees] that the page reads, or words of its refusal."""
+
+
+@pytest.mark.slow
+def test_a_dropped_recording_is_read_and_fitted(small: Path, tmp_path: Path) -> None:
+    """Beside SciPy's motion: length, drag and zero within four errors, and errors of the size that the noise gives."""
+    length, gamma, zero, noise = 0.45, 0.08, -1.2, 0.3
+    time = np.arange(0.0, 30.0, 0.05)
+    omega = SCENES["exercise_large"].omega0 * math.sqrt(SCENES["exercise_large"].body.reach / length)
+    truth = solve_ivp(lambda t, y: [y[1], -omega**2 * math.sin(y[0]) - gamma * y[1]], (0.0, 30.0), [0.7, 0.0],
+                      t_eval=time, rtol=1e-10, atol=1e-12).y[0]
+    noisy = np.degrees(truth) + zero + np.random.default_rng(3).normal(0.0, noise, len(time))
+    path = write(tmp_path / "lab.html", ["exercise_large"], ["rk4"])
+    with opened(path, reduced_motion="reduce") as seen:
+        page = seen.page
+        assert page.is_disabled("#fit")
+
+        def give(text: str) -> str:
+            (tmp_path / "r.csv").write_text(text, encoding="utf-8")
+            do(seen, "document.getElementById('fitted').textContent = ''")
+            page.set_input_files("#file", [])
+            page.set_input_files("#file", str(tmp_path / "r.csv"))
+            page.wait_for_function("document.getElementById('fitted').textContent !== ''")
+            return str(page.inner_text("#fitted"))
+
+        for text, wanted in FILES.items():
+            said = give(text)
+            if isinstance(wanted, str):
+                assert wanted in said
+                continue
+            found = do(seen, "LabPendulum.lab.recording.map((column) => [column[0], column.at(-1)])")
+            assert [list(map(float, row)) for row in found] == [pytest.approx(row) for row in wanted], text[:40]
+        give("time,angle [deg]\n" + "\n".join(f"{t:.3f},{a:.5f}" for t, a in zip(time, noisy, strict=True)))
+        page.click("#fit")
+        said = page.inner_text("#fitted").replace("\N{MINUS SIGN}", "-")
+        values = {name: (float(value), float(error)) for name, value, error in re.findall(
+            r"(length|gamma) ([-\d.]+) ± ([\d.]+)", said)}
+        for name, right, expected in (("length", length, 1e-4), ("gamma", gamma, 1e-3)):
+            value, error = values[name]
+            assert abs(value - right) < 4 * error, said
+            assert 0.1 * expected < error < 3 * expected, said
+        assert float(re.search("zero of the sensor, ([-\\d.]+)°", said)[1]) == pytest.approx(zero, abs=0.1)  # type: ignore[index]
+        assert float(re.search("Scatter ([\\d.]+)°", said)[1]) == pytest.approx(noise, abs=0.03)  # type: ignore[index]
+        assert do(seen, "LabPendulum.lab.lanes[0].values[0]") == pytest.approx(values["length"][0], abs=1e-4)
+        page.click("#forget")
+        assert page.is_disabled("#fit")
 
 
 WORDS_CUT = """() => {

@@ -10,7 +10,7 @@ const SMALL = 20; // largest start angle at which nothing is said of small angle
 
 const lab = {
   scene: Object.keys(PAGE.scenes)[0], lanes: [], chosen: -1, playing: true, speed: 1, time: 0, torque: 0, reach: 0.2,
-  shown: { trail: true, velocity: false, acceleration: false }, watch: null, secret: false,
+  shown: { trail: true, velocity: false, acceleration: false }, watch: null, secret: false, recording: PAGE.recording,
   pushed: false, drawn: 0,
 };
 
@@ -202,7 +202,7 @@ function restart() {
   lab.pushed = false; // whether the torque was another one during the run
   const starts = lab.lanes.map((lane) => lane.angle * DEGREES);
   const small = !PAGE.scenes[lab.scene].periodic && starts.some((degrees) => Math.abs(degrees) > SMALL);
-  const recorded = PAGE.recording ? PAGE.recording[1][0] : NaN; // the first reading; 0 of a sensor that is zeroed at its start
+  const recorded = lab.recording ? lab.recording[1][0] : NaN; // the first reading; 0 of a sensor that is zeroed at its start
   const apart = recorded !== 0 && starts.some((degrees) => Math.abs(recorded - degrees)
     > 0.1 * Math.max(Math.abs(recorded), Math.abs(degrees)));
   say([small ? "This scene's force grows with the angle itself, which is right for small angles only." : "",
@@ -401,8 +401,8 @@ const PLOTTED = {
     const { time, rows } = recent();
     const curves = finest().map((i) => ({ colour: colour("faint-ink"), alpha: 0.45, width: 4,
       points: rows[i].map((row) => [row[0], row[5] * DEGREES]) }));
-    if (PAGE.recording) {
-      const [times, degrees] = PAGE.recording;
+    if (lab.recording) {
+      const [times, degrees] = lab.recording;
       curves.push({ colour: colour("ink"), dots: true, points: times.map((t, i) => [t, degrees[i]]).filter(
         ([t]) => t >= time[0] && t <= time[1]) });
     }
@@ -891,6 +891,38 @@ function unsaid() {
   return lab.pushed ? "The motor was pushed during this run: the link and the program begin it again with the present torque." : "";
 }
 
+/** Take a file that was dropped or chosen as the recording; nothing of it leaves the browser. */
+async function takeFile(file) {
+  if (!file) return;
+  try {
+    const { said, readings } = readText(await file.text());
+    lab.recording = readings;
+    byId("fit").disabled = byId("forget").disabled = false;
+    restart();
+    byId("fitted").textContent = `${file.name}: ${readings[0].length} readings over ${readings[0].at(-1).toFixed(1)} s. ${said}`;
+  } catch (error) {
+    byId("fitted").textContent = `${file.name} cannot be used: ${error.message}.`;
+  }
+}
+
+/** Fit the present scene to the recording, and give the result to the pendulums. */
+function fitHere() {
+  try {
+    const { values, angle, velocity, zero, scatter, period, found } = fitRecording(lab.recording, PAGE.scenes[lab.scene], lead().values);
+    const [times, degrees] = lab.recording;
+    lab.recording = [times, degrees.map((value) => value - zero)];
+    for (const lane of meant()) Object.assign(lane, { values: [...values], angle, velocity });
+    rebuild();
+    byId("fitted").textContent = `Period ${period.toPrecision(5)} s. ${found.map(({ name, value, error, unit }) => {
+      const digits = Math.max(0, Math.min(9, 1 - Math.floor(Math.log10(error || 1))));
+      return `${name} ${value.toFixed(digits)} ± ${error.toFixed(digits)}${unit}`;
+    }).join("; ")}. Scatter ${scatter.toPrecision(2)}°${Math.abs(zero) > 0.05 * scatter ? `; the zero of the sensor, ${zero.toPrecision(2)}°, is taken away` : ""
+    }. The errors are those of scatter alone; lab-pendulum fit also looks for faults.`.replaceAll("-", "−").replace("lab−", "lab-");
+  } catch (error) {
+    byId("fitted").textContent = `The recording cannot be fitted: ${error.message}.`;
+  }
+}
+
 /** The Python code that computes the run of every pendulum. */
 function pythonText() {
   const link = linkText();
@@ -1065,6 +1097,20 @@ async function begin() {
   });
   byId("csv").addEventListener("click", () => download("lab.csv", new Blob([csvText()], { type: "text/csv" })));
   byId("png").addEventListener("click", () => picture().toBlob((blob) => download("lab.png", blob)));
+  byId("file").addEventListener("change", () => takeFile(byId("file").files[0]));
+  byId("fit").addEventListener("click", fitHere);
+  byId("forget").addEventListener("click", () => {
+    lab.recording = null;
+    byId("fit").disabled = byId("forget").disabled = true;
+    byId("fitted").textContent = byId("file").value = "";
+    restart();
+  });
+  byId("fit").disabled = byId("forget").disabled = !lab.recording;
+  document.addEventListener("dragover", (event) => event.preventDefault());
+  document.addEventListener("drop", (event) => {
+    event.preventDefault();
+    takeFile(event.dataTransfer.files[0]);
+  });
   document.addEventListener("keydown", (event) => {
     if (event.target.closest("input, select, textarea, button, summary") || event.ctrlKey || event.metaKey) return;
     if (event.key === " ") play(!lab.playing);
