@@ -192,7 +192,7 @@ function play(wanted) {
 const PLOTS = ["angle", "error", "phase", "distance", "section"];
 const CAPTIONS = {
   angle: "Angle against time; the accurate solution is pale",
-  error: "Residual, the error in the energy balance, over the energy at the start (from rest: over m g L)",
+  error: "Residual: the error in the energy balance, as a share of the energy at the start, or of m g L if that energy is 0",
   phase: "Phase portrait; the accurate orbit is pale",
   distance: "Distance of the angle from the accurate solution",
   section: "Poincaré section: the state once in each period of the drive",
