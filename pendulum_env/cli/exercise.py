@@ -32,6 +32,8 @@ def exercise(
         "Distance of the knife edges of --kater in m, with its error or without, as 0.9938 or 0.9938+-0.0002.")] = None,
     name: Annotated[str, options.option("The student's name, printed on every page.")] = "",
     key: Annotated[bool, options.flag("Fill the blanks with the answers, for the teacher.", "--key")] = False,
+    language: Annotated[str, options.option(
+        "Language of the report and of its figures: en or de (tables and programs' comments are in English).")] = "en",
     own_step: Annotated[
         Path | None,
         options.option("Python file of your own step, which runs beside the three Euler methods: its lines, as "
@@ -51,10 +53,12 @@ def exercise(
     """
     from pendulum_env.exercise.answers import earlier
     from pendulum_env.exercise.given import Given, by_hand
+    from pendulum_env.exercise.language import language_of
     from pendulum_env.exercise.report import REPORT, named, need_jinja, write
     from pendulum_env.exercise.worked import work_out
 
     need_jinja()
+    language_of(language)
     kept = earlier(out / REPORT, named(name), key)
     data = recording_of(recording, read) if recording is not None or read else None
     given = Given.of(recording=data, period=period, period_error=period_error, length=length,
@@ -63,7 +67,8 @@ def exercise(
     own = None if own_step is None else step_in(own_step)
     with bar("exercise") as progress:
         worked = work_out(given, lambda done, text: progress(0.3 * done, text), step=own)
-        paths = write(worked, out, name=name, key=key, progress=lambda done, text: progress(0.3 + 0.7 * done, text))
+        paths = write(worked, out, name=name, key=key, language=language,
+                      progress=lambda done, text: progress(0.3 + 0.7 * done, text))
     if given.simulated:
         what = "the comparison uses" if given.amplitudes is not None else "the damping and the comparison use"
         print_text(f"Without --recording, {what} the simulated recording of the package.")
