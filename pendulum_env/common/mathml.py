@@ -4,8 +4,8 @@
 
 Greek letters, ``times``, ``pm`` and the like are written by name; other single letters are variables; texts such as
 units stand in quotation marks. ``_`` and ``^`` take the next item, or several in braces; ``frac`` takes two groups in
-braces, ``sqrt`` one. Numbers have a decimal point or comma. Apostrophes are primes. In a block, every line is a row, and
-``&`` aligns the rows.
+braces, ``sqrt`` one. Numbers have a decimal point or comma, apostrophes are primes. In a block, every line is a row,
+and ``&`` aligns the rows.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ from pendulum_env.plots.by_hand import amplitudes_by_hand, kater_by_hand, length
 from pendulum_env.plots.motion import EXACT
 from pendulum_env.plots.recorded import READING
 from pendulum_env.plots.series import Span, within
-from pendulum_env.plots.style import LINES, blank, looks_of, styled
+from pendulum_env.plots.style import LINES, blank, legend_above, looks_of, styled
 from pendulum_env.render.palette import FAINT_INK, INK, OKABE_ITO
 
 Labels = Mapping[str, str]
@@ -48,8 +48,6 @@ ENDS = 8.0
 """Number of swings at the start and at the end that are shown enlarged."""
 WIDEST = 6.0
 """Phase plots at small angles reach up to this multiple of the exact orbit, which would be a dot in larger ones."""
-WIDEST_LEGEND = 0.85
-"""Largest width of a legend above axes, as a share of the figure's; the rest is left for the axis of angles."""
 DOTS = 60.0
 """Largest number of readings drawn per period."""
 SIGN = OKABE_ITO["vermillion"]
@@ -123,10 +121,7 @@ def few(time: Array, part: slice, period: float) -> slice:
 
 def above(at: Axes, columns: int = 3) -> None:
     """Draw a legend above the axes, in so many columns at most as fit into the figure."""
-    for number in range(columns, 0, -1):
-        legend = at.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), borderaxespad=0.2, ncols=number, fontsize=10)
-        if legend.get_window_extent().width < WIDEST_LEGEND * at.figure.bbox.width:
-            break
+    legend_above(at, columns, fontsize=10)
 
 
 # --- Part 1 ---------------------------------------------------------------------------------------------------------

@@ -54,8 +54,9 @@ class Language:
     report: Mapping[str, str]
 
     def numeral(self, text: str) -> str:
-        """Return a number's text, such as ``1.50 ± 0.02 s``, with the language's decimal sign."""
-        return POINT.sub(self.decimal, text)
+        """Return a number's text, such as ``1.50 ± 0.02 s``, with the language's decimal sign; within Matplotlib's
+        formulas in braces, because a comma has a space there."""
+        return POINT.sub(f"{{{self.decimal}}}" if text.startswith("$") else self.decimal, text)
 
     def shown(self, value: Any) -> Any:
         """Return a measurement or a number as it stands in the report; other values as they are."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 import math
 import re
 from pathlib import Path
@@ -16,6 +15,7 @@ from folder_contents import contents
 from pendulum_env.exercise import report
 from pendulum_env.exercise.figures import BY_HAND, FIGURES, envelope, further
 from pendulum_env.exercise.given import Given, by_hand
+from pendulum_env.exercise.language import language_of
 from pendulum_env.exercise.values import values
 from pendulum_env.exercise.worked import Worked, work_out
 from pendulum_env.lab import measure_amplitudes
@@ -24,7 +24,7 @@ pytest.importorskip("jinja2")
 
 READINGS = "0:30, 10:25.9, 20:22.2, 30:19.1, 45:15.4, 60:12.2"
 GRAVITY = 9.81
-LABELS = json.loads((report.TEXTS / report.LANGUAGE / "labels.json").read_text(encoding="utf-8"))
+LABELS = language_of("en").figures
 
 
 def tables(folder: Path) -> tuple[Path, Path]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import json
 import math
 import re
 import signal
@@ -27,6 +26,7 @@ from pendulum_env.exercise import report
 from pendulum_env.exercise.answers import Answers, earlier
 from pendulum_env.exercise.figures import FIGURES
 from pendulum_env.exercise.given import Given
+from pendulum_env.exercise.language import language_of
 from pendulum_env.exercise.values import values, with_error
 from pendulum_env.exercise.worked import Worked, work_out
 from pendulum_env.lab import Recording, measure
@@ -231,7 +231,7 @@ def test_an_own_step_is_named_by_what_it_does() -> None:
     assert worked.small.runs["own_step"].ratio == pytest.approx(worked.small.forward.ratio, rel=1e-12)
 
 
-LABELS = json.loads((report.TEXTS / report.LANGUAGE / "labels.json").read_text(encoding="utf-8"))
+LABELS = language_of("en").figures
 DRAWINGS = {draw.__name__: report.Drawing(i + 1, "") for i, draw in enumerate(FIGURES)}
 """The figures of a page, without what they draw."""
 FACTS = {"Software": "x", "Python": "y", "Command": "z"}
