@@ -45,7 +45,7 @@ def exercise(
 
     The angular frequency comes from --recording, else from --period, else from --length and g; an error that is not
     given is half a unit of the last digit. The damping and the comparison need a recording; without --recording they
-    use a simulated one, and every page that shows it says so; --amplitudes read by hand give the damping, too.
+    use a simulated one, and every page that shows it says so, or --amplitudes that were read by hand.
     --lengths and --kater add sections on gravity. Each question has a blank for the student's own words; --key fills it
     in for the teacher. The programs behind the figures, one a part, run with NumPy and Matplotlib alone and compute the
     same numbers. The page keeps what is typed into it, and its button Save writes that into the
@@ -69,7 +69,7 @@ def exercise(
         worked = work_out(given, lambda done, text: progress(0.3 * done, text), step=own)
         paths = write(worked, out, name=name, key=key, language=language,
                       progress=lambda done, text: progress(0.3 + 0.7 * done, text))
-    if given.simulated:
+    if given.simulated and worked.recorded.by_hand is None:
         what = "the comparison uses" if given.amplitudes is not None else "the damping and the comparison use"
         print_text(f"Without --recording, {what} the simulated recording of the package.")
     print_text(f"Omega = {given.omega.value}, from the {given.omega.how}. Open {paths[0]} in a browser, and print it "

@@ -426,6 +426,27 @@ def difference(worked: Worked, labels: Labels) -> Figure:
     return signed(drawing, worked, labels)
 
 
+def readings(worked: Worked, labels: Labels) -> Figure:
+    """Draw the simulation of the swing that amplitudes were read from, with the readings; below, the readings minus the
+    simulated amplitudes, with the error of a reading."""
+    beside = worked.recorded.by_hand
+    assert beside is not None
+    size, error, model = np.degrees(np.abs(beside.angle)), np.degrees(beside.error), beside.model
+    drawing = blank((WIDTH, 4.8))
+    with drawn():
+        at, below = drawing.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
+        at.plot(model.time, np.degrees(model.angle), label=labels["simulation"], **line(model, 0.7))
+        at.errorbar(beside.time, np.degrees(beside.angle), error, color=INK, marker="o", markersize=4.5,
+                    linestyle="none", label=labels["readings"], zorder=3.0)
+        at.set_ylabel(labels["angle"])
+        above(at)
+        below.errorbar(beside.time, size - np.degrees(beside.simulated), error, color=INK, marker="o", markersize=4.0,
+                       linestyle="none", elinewidth=0.8)
+        below.axhline(0.0, color=FAINT_INK, linewidth=0.8)
+        below.set(xlabel=labels["since_reading"], ylabel=labels["off_simulation"], xlim=(0.0, float(model.time[-1])))
+    return drawing
+
+
 def lengths(worked: Worked, labels: Labels) -> Figure:
     """Draw T² against the length with its straight line, and the residuals."""
     assert worked.given.lengths is not None
@@ -438,9 +459,15 @@ def kater(worked: Worked, labels: Labels) -> Figure:
     return kater_by_hand(worked.given.kater, words=labels)
 
 
-def further(worked: Worked) -> list[Callable[[Worked, Labels], Figure]]:
-    """Return the figures of tables by hand, which follow the others."""
-    return [draw for draw in BY_HAND if getattr(worked.given, draw.__name__) is not None]
+def figures_of(worked: Worked) -> list[Callable[[Worked, Labels], Figure]]:
+    """Return the figures of a report in its order: those of the exercise that its measurements allow, then those of
+    tables by hand."""
+    left_out = [frequency] if worked.given.simulated else []
+    own = []
+    if worked.recorded.by_hand is not None:
+        left_out, own = [*left_out, beside, overlaid, difference], [readings]
+    tables = [draw for draw in BY_HAND if getattr(worked.given, draw.__name__) is not None]
+    return [*(draw for draw in FIGURES if draw not in left_out), *own, *tables]
 
 
 BY_HAND: tuple[Callable[[Worked, Labels], Figure], ...] = (lengths, kater)

@@ -20,7 +20,7 @@ from pendulum_env.common.progress import Progress, told_by, with_bar
 from pendulum_env.common.provenance import output_folder, provenance, write_csv
 from pendulum_env.common.replacing import replacing
 from pendulum_env.exercise.answers import Answers, earlier
-from pendulum_env.exercise.figures import FIGURES, STRIPS, SWINGS, USUAL_SWINGS, WIDEST, WIDTH, frequency, further
+from pendulum_env.exercise.figures import STRIPS, SWINGS, USUAL_SWINGS, WIDEST, WIDTH, figures_of
 from pendulum_env.exercise.language import ENGLISH, TEXTS, Language, language_of
 from pendulum_env.exercise.programs import data_tables, program_names, programs
 from pendulum_env.exercise.values import digits, fixed, values, with_error
@@ -65,8 +65,9 @@ def write(
     """Write the report of a worked exercise, and return the paths of the files.
 
     ``report.html`` is complete in itself; every figure is also written as PNG and SVG, the numbers as ``numbers.csv``
-    and the curves as ``small_angles.csv``, ``large_angle.csv``, ``damped.csv`` and ``recording.csv``. The programs
-    behind the figures, ``part_1_2.py`` and so on, run alone; :mod:`pendulum_env.exercise.programs` writes them.
+    and the curves as ``small_angles.csv``, ``large_angle.csv``, ``damped.csv`` and ``recording.csv``, or
+    ``amplitudes.csv`` of readings by hand. The programs behind the figures, ``part_1_2.py`` and so on, run alone;
+    :mod:`pendulum_env.exercise.programs` writes them.
     Everything is made in a temporary folder first, so that an error or Ctrl-C leaves earlier files unchanged. What a
     student typed into an earlier ``report.html`` of the folder, and saved, is in the new one, too.
 
@@ -94,7 +95,7 @@ def write(
     with TemporaryDirectory() as temporary:
         made = Path(temporary)
         paths = [made / REPORT, *tables(worked, key, made, facts)]
-        drawn = [draw for draw in FIGURES if not (worked.given.simulated and draw is frequency)] + further(worked)
+        drawn = figures_of(worked)
         figures: dict[str, Drawing] = {}
         for i, draw in enumerate(drawn):
             tell(i / len(drawn), f"drawing {draw.__name__.replace('_', ' ')}")
@@ -191,7 +192,7 @@ def inlined(svg: str, name: str, title: str) -> Any:
 
 def tables(worked: Worked, key: bool, folder: Path, facts: dict[str, str]) -> Iterator[Path]:
     """Write the CSV files into a folder, and yield their paths; predicted numbers are written only with the key."""
-    small, compared = worked.small.runs, worked.recorded.compared
+    small, compared, by_hand = worked.small.runs, worked.recorded.compared, worked.recorded.by_hand
     save = partial(csv_file, folder, facts)
     yield save("numbers.csv", ("part", "quantity", "value", "error", "unit"),
                [row[:-1] for row in values(worked) if key or not row.answer])
@@ -202,8 +203,12 @@ def tables(worked: Worked, key: bool, folder: Path, facts: dict[str, str]) -> It
     for name, run in (("large_angle.csv", worked.large.run), ("damped.csv", worked.recorded.damped)):
         yield save(name, ("time_s", "angle_rad", "velocity_rad_s", "energy"),
                    columns(run.time, run.angle, run.velocity, run.energy))
-    yield save("recording.csv", ("time_s", "recorded_rad", "simulated_rad"),
-               columns(compared.time, compared.recorded, compared.simulated))
+    if by_hand is None:
+        yield save("recording.csv", ("time_s", "recorded_rad", "simulated_rad"),
+                   columns(compared.time, compared.recorded, compared.simulated))
+    else:
+        yield save("amplitudes.csv", ("time_s", "read_rad", "error_rad", "simulated_rad"),
+                   columns(by_hand.time, np.abs(by_hand.angle), by_hand.error, by_hand.simulated))
     for name, titles, series in data_tables(worked):
         yield save(name, titles, columns(*series))
 

@@ -88,7 +88,8 @@ def lengths_by_hand(sheet: LengthSheet, figure: Figure | None = None, words: Wor
         above.plot(fine, sheet.line.at(fine), color=OKABE_ITO["vermillion"], linewidth=1.4,
                    label=words["slope"].format(f"{sheet.line.slope:.4g}"))
         above.plot(start, 0.0, "|", color=OKABE_ITO["blue"], markersize=14, markeredgewidth=2.0,
-                   label=words["zero"].format(Measurement(1e3 * start, 1e3 * sheet.offset.error, "mm")))
+                   label=words["zero"].format(str(Measurement(1e3 * start, 1e3 * sheet.offset.error, "mm")).replace(
+                       "-", "\N{MINUS SIGN}")))
         errorbars(above, x, square, error, words["readings"])
         above.set(ylabel=words["square"], ylim=(-0.08 * float(square.max()), 1.08 * float(square.max())))
         legend_above(above, 3)

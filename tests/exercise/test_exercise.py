@@ -22,7 +22,7 @@ from in_browser import opened
 from scipy.integrate import solve_ivp
 
 from pendulum_env.common.mathml import NotationError, mathml
-from pendulum_env.exercise import report
+from pendulum_env.exercise import figures, report
 from pendulum_env.exercise.answers import Answers, earlier
 from pendulum_env.exercise.figures import FIGURES
 from pendulum_env.exercise.given import Given
@@ -333,7 +333,7 @@ def test_interrupted_writing_leaves_earlier_files(
         raise KeyboardInterrupt
 
     (tmp_path / "report.html").write_text("kept")
-    monkeypatch.setattr(report, "FIGURES", (stop,))
+    monkeypatch.setattr(figures, "FIGURES", (stop,))
     before = contents(tmp_path)
     with pytest.raises(KeyboardInterrupt):
         report.write(worked, tmp_path)
@@ -343,14 +343,14 @@ def test_interrupted_writing_leaves_earlier_files(
 CTRL_C = """
 import functools, os, signal, sys
 from pendulum_env.cli import main
-from pendulum_env.exercise import report
+from pendulum_env.exercise import figures
 
-@functools.wraps(report.FIGURES[2])
+@functools.wraps(figures.FIGURES[2])
 def interrupted(*given):
     os.kill(os.getpid(), signal.SIGINT)
     return interrupted.__wrapped__(*given)
 
-report.FIGURES = (*report.FIGURES[:2], interrupted, *report.FIGURES[3:])
+figures.FIGURES = (*figures.FIGURES[:2], interrupted, *figures.FIGURES[3:])
 sys.argv = ["lab-pendulum", "exercise", "--out", "x"]
 main()
 """

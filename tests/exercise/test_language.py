@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from pendulum_env.cli import app
 from pendulum_env.exercise import language, report
-from pendulum_env.exercise.figures import FIGURES, Labels, further
+from pendulum_env.exercise.figures import Labels, figures_of
 from pendulum_env.exercise.given import Given, by_hand
 from pendulum_env.exercise.language import LANGUAGES, Language, language_of
 from pendulum_env.exercise.worked import Worked, work_out
@@ -43,7 +43,7 @@ def worked(tmp_path_factory: pytest.TempPathFactory) -> Worked:
 
 def rendered(worked: Worked, code: str) -> str:
     """The page with its answers and without its figures."""
-    drawn = {draw.__name__: report.Drawing(i + 1, "") for i, draw in enumerate([*FIGURES, *further(worked)])}
+    drawn = {draw.__name__: report.Drawing(i + 1, "") for i, draw in enumerate(figures_of(worked))}
     return report.page(worked, drawn, "", True, FACTS, language=code)
 
 
@@ -112,7 +112,7 @@ def shown_in(worked: Worked, draw: report.Any, texts: Language) -> list[str]:
 
 @pytest.mark.parametrize("name", ["halved", "large_energy", "kater"])
 def test_figures_have_the_words_and_numbers_of_the_language(worked: Worked, name: str) -> None:
-    draw = next(one for one in [*FIGURES, *further(worked)] if one.__name__ == name)
+    draw = next(one for one in figures_of(worked) if one.__name__ == name)
     theirs, ours = shown_in(worked, draw, GERMAN), shown_in(worked, draw, ENGLISH)
     assert len(theirs) == len(ours)
     assert [text.replace("{,}", ".").replace(",", ".") for text in theirs if re.fullmatch(r"\W*\d.*", text)] == [
@@ -126,7 +126,7 @@ def test_figures_have_the_words_and_numbers_of_the_language(worked: Worked, name
 @pytest.mark.slow
 def test_all_german_figures_fit(worked: Worked) -> None:
     labels: Labels = GERMAN.figures
-    for draw in [*FIGURES, *further(worked)]:
+    for draw in figures_of(worked):
         figure = GERMAN.localised(draw(worked, labels))
         figure.draw_without_rendering()
         for at in figure.axes:
