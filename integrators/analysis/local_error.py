@@ -42,19 +42,19 @@ class LeadingError:
     @property
     def text(self) -> str:
         """Local error, amplitude error and frequency error as one line of plain text, for a table cell."""
-        step = "exact step"
+        step = "error of the angle in a step: 0"
         if self.angle is not None:
             n = self.angle.power
             derivative = "theta" + ("'" * n if n <= 3 else f"^({n})")
-            step = f"{_plain(self.angle.coefficient, f'h^{n} {derivative}')} a step"
-        amplitude, frequency = "amplitude kept", "frequency exact"
+            step = f"error of the angle in a step: {_plain(self.angle.coefficient, f'h^{n} {derivative}')}"
+        amplitude, frequency = "amplitude exact", "frequency exact"
         if self.amplitude is not None:
             p = self.amplitude.power
             rate = _plain(self.amplitude.coefficient, f"omega0^{p + 1} {_power('h', p)} t")
-            amplitude = f"amplitude x exp({rate})"
+            amplitude = f"amplitude after a time t: times exp({rate})"
         if self.frequency is not None:
             shift = _plain(self.frequency.coefficient, _power("(omega0 h)", self.frequency.power))
-            frequency = f"frequency {shift}"
+            frequency = f"frequency: {shift} of its value"
         return "; ".join((step, amplitude, frequency))
 
     @property

@@ -316,13 +316,15 @@ def _likeness(function: StepFunction, usage: Usage, name: str, order: int) -> tu
 def _orders(function: StepFunction, usage: Usage, observed: float) -> str:
     """Return a sentence on the observed order of a step, and on that with damping or drive if it is lower."""
     words = [f"observed order {observed:.2f}"]
-    for case, advice in ((DAMPED, "pass each stage's velocity to acceleration"),
-                         (DRIVEN, "pass each stage's time after the start as third argument of acceleration")):
+    for case, advice in (
+        (DAMPED, "in every call of acceleration, give the velocity that belongs to the angle there"),
+        (DRIVEN, "in every call of acceleration, give as third argument the time since the start of the step"),
+    ):
         if case is DAMPED and not usage.velocity:
             continue
         here = _observed_order(function, case)
         if here < observed - 0.5:
-            words.append(f"{here:.2f} {case.words} ({advice})")
+            words.append(f"only {here:.2f} {case.words}: {advice}")
     return "; ".join(words)
 
 

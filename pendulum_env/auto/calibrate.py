@@ -97,18 +97,20 @@ class Choice:
         """
         span = min(self.horizon, self.dt * self.steps)
         plural = "s" * (self.substeps > 1)
+        times = "that come with the package" if self.table == "shipped" else self.table
         reasons = (
             f"{self.method} with {self.substeps} substep{plural} has an error of at most {self.error:.2g} rad over "
             f"{span:g} s in {self.judged} test episodes, the most sensitive of {self.tried}; the requested accuracy is "
-            f"{self.accuracy:g} rad; a control step costs {self.cost:.3g} steps of rk4 by the table {self.table}"
+            f"{self.accuracy:g} rad; a control step takes as long as {self.cost:.3g} steps of rk4, by the times of "
+            f"steps {times}"
         )
         if self.share:
-            reasons += (f"; in {100.0 * self.share:.2g} % of these, errors grow more than {self.growth:.1g}-fold, and "
-                        "the accuracy may not be reached")
+            reasons += (f"; in {100.0 * self.share:.2g} % of these episodes errors grow to more than {self.growth:.1g} "
+                        "times their size, so that the accuracy may not be reached there")
         if self.others:
             one = self.others[0]
-            reasons += (f"; the next best method, {one.method} with {one.substeps}, costs {one.cost / self.cost:.2f} "
-                        "times as much")
+            reasons += (f"; the next best method, {one.method} with {one.substeps} "
+                        f"substep{'s' * (one.substeps > 1)}, takes {one.cost / self.cost:.2f} times as long")
         return " ".join([f"{reasons}.", *self.limits])
 
     @property

@@ -32,6 +32,8 @@ def exercise(
         "Distance of the knife edges of --kater in m, with its error or without, as 0.9938 or 0.9938+-0.0002.")] = None,
     name: Annotated[str, options.option("The student's name, printed on every page.")] = "",
     key: Annotated[bool, options.flag("Fill the blanks with the answers, for the teacher.", "--key")] = False,
+    language: Annotated[str, options.option(
+        "Language of the report and of its figures: en or de (tables and programs' comments are in English).")] = "en",
     own_step: Annotated[
         Path | None,
         options.option("Python file of your own step, which runs beside the three Euler methods: its lines, as "
@@ -43,7 +45,7 @@ def exercise(
 
     The angular frequency comes from --recording, else from --period, else from --length and g; an error that is not
     given is half a unit of the last digit. The damping and the comparison need a recording; without --recording they
-    use a simulated one, and every page that shows it says so; --amplitudes read by hand give the damping, too.
+    use a simulated one, and every page that shows it says so, or --amplitudes that were read by hand.
     --lengths and --kater add sections on gravity. Each question has a blank for the student's own words; --key fills it
     in for the teacher. The programs behind the figures, one a part, run with NumPy and Matplotlib alone and compute the
     same numbers. The page keeps what is typed into it, and its button Save writes that into the
@@ -51,10 +53,12 @@ def exercise(
     """
     from pendulum_env.exercise.answers import earlier
     from pendulum_env.exercise.given import Given, by_hand
+    from pendulum_env.exercise.language import language_of
     from pendulum_env.exercise.report import REPORT, named, need_jinja, write
     from pendulum_env.exercise.worked import work_out
 
     need_jinja()
+    language_of(language)
     kept = earlier(out / REPORT, named(name), key)
     data = recording_of(recording, read) if recording is not None or read else None
     given = Given.of(recording=data, period=period, period_error=period_error, length=length,
@@ -63,8 +67,9 @@ def exercise(
     own = None if own_step is None else step_in(own_step)
     with bar("exercise") as progress:
         worked = work_out(given, lambda done, text: progress(0.3 * done, text), step=own)
-        paths = write(worked, out, name=name, key=key, progress=lambda done, text: progress(0.3 + 0.7 * done, text))
-    if given.simulated:
+        paths = write(worked, out, name=name, key=key, language=language,
+                      progress=lambda done, text: progress(0.3 + 0.7 * done, text))
+    if given.simulated and worked.recorded.by_hand is None:
         what = "the comparison uses" if given.amplitudes is not None else "the damping and the comparison use"
         print_text(f"Without --recording, {what} the simulated recording of the package.")
     print_text(f"Omega = {given.omega.value}, from the {given.omega.how}. Open {paths[0]} in a browser, and print it "

@@ -4,7 +4,8 @@
 
 Greek letters, ``times``, ``pm`` and the like are written by name; other single letters are variables; texts such as
 units stand in quotation marks. ``_`` and ``^`` take the next item, or several in braces; ``frac`` takes two groups in
-braces, ``sqrt`` one. Apostrophes are primes. In a block, every line is a row, and ``&`` aligns the rows.
+braces, ``sqrt`` one. Numbers have a decimal point or comma, apostrophes are primes. In a block, every line is a row,
+and ``&`` aligns the rows.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ FUNCTIONS = ("sin", "cos", "ln", "exp", "Re")
 """Names that are set upright."""
 SPACE = '<mspace width="0.2em"></mspace>'
 """Space before a text, such as a unit, and behind a function's name."""
-TOKEN = re.compile(r'\s*("[^"]*"|\d[\d.]*(?:\u00d710[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)?|[A-Za-z]+|\'+|\S)')
+TOKEN = re.compile(r'\s*("[^"]*"|\d[\d.]*(?:,\d+)?(?:\u00d710[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)?|[A-Za-z]+|\'+|\S)')
 PRIMES = {1: "&prime;", 2: "&Prime;", 3: "&tprime;"}
 
 

@@ -25,7 +25,7 @@ from pendulum_env.plots.by_hand import amplitudes_by_hand, kater_by_hand, length
 from pendulum_env.plots.motion import EXACT
 from pendulum_env.plots.recorded import READING
 from pendulum_env.plots.series import Span, within
-from pendulum_env.plots.style import LINES, blank, looks_of, styled
+from pendulum_env.plots.style import LINES, blank, legend_above, looks_of, styled
 from pendulum_env.render.palette import FAINT_INK, INK, OKABE_ITO
 
 Labels = Mapping[str, str]
@@ -48,8 +48,6 @@ ENDS = 8.0
 """Number of swings at the start and at the end that are shown enlarged."""
 WIDEST = 6.0
 """Phase plots at small angles reach up to this multiple of the exact orbit, which would be a dot in larger ones."""
-WIDEST_LEGEND = 0.85
-"""Largest width of a legend above axes, as a share of the figure's; the rest is left for the axis of angles."""
 DOTS = 60.0
 """Largest number of readings drawn per period."""
 SIGN = OKABE_ITO["vermillion"]
@@ -123,10 +121,7 @@ def few(time: Array, part: slice, period: float) -> slice:
 
 def above(at: Axes, columns: int = 3) -> None:
     """Draw a legend above the axes, in so many columns at most as fit into the figure."""
-    for number in range(columns, 0, -1):
-        legend = at.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), borderaxespad=0.2, ncols=number, fontsize=10)
-        if legend.get_window_extent().width < WIDEST_LEGEND * at.figure.bbox.width:
-            break
+    legend_above(at, columns, fontsize=10)
 
 
 # --- Part 1 ---------------------------------------------------------------------------------------------------------
@@ -431,6 +426,27 @@ def difference(worked: Worked, labels: Labels) -> Figure:
     return signed(drawing, worked, labels)
 
 
+def readings(worked: Worked, labels: Labels) -> Figure:
+    """Draw the simulation of the swing that amplitudes were read from, with the readings; below, the readings minus the
+    simulated amplitudes, with the error of a reading."""
+    beside = worked.recorded.by_hand
+    assert beside is not None
+    size, error, model = np.degrees(np.abs(beside.angle)), np.degrees(beside.error), beside.model
+    drawing = blank((WIDTH, 4.8))
+    with drawn():
+        at, below = drawing.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
+        at.plot(model.time, np.degrees(model.angle), label=labels["simulation"], **line(model, 0.7))
+        at.errorbar(beside.time, np.degrees(beside.angle), error, color=INK, marker="o", markersize=4.5,
+                    linestyle="none", label=labels["readings"], zorder=3.0)
+        at.set_ylabel(labels["angle"])
+        above(at)
+        below.errorbar(beside.time, size - np.degrees(beside.simulated), error, color=INK, marker="o", markersize=4.0,
+                       linestyle="none", elinewidth=0.8)
+        below.axhline(0.0, color=FAINT_INK, linewidth=0.8)
+        below.set(xlabel=labels["since_reading"], ylabel=labels["off_simulation"], xlim=(0.0, float(model.time[-1])))
+    return drawing
+
+
 def lengths(worked: Worked, labels: Labels) -> Figure:
     """Draw T² against the length with its straight line, and the residuals."""
     assert worked.given.lengths is not None
@@ -443,9 +459,15 @@ def kater(worked: Worked, labels: Labels) -> Figure:
     return kater_by_hand(worked.given.kater, words=labels)
 
 
-def further(worked: Worked) -> list[Callable[[Worked, Labels], Figure]]:
-    """Return the figures of tables by hand, which follow the others."""
-    return [draw for draw in BY_HAND if getattr(worked.given, draw.__name__) is not None]
+def figures_of(worked: Worked) -> list[Callable[[Worked, Labels], Figure]]:
+    """Return the figures of a report in its order: those of the exercise that its measurements allow, then those of
+    tables by hand."""
+    left_out = [frequency] if worked.given.simulated else []
+    own = []
+    if worked.recorded.by_hand is not None:
+        left_out, own = [*left_out, beside, overlaid, difference], [readings]
+    tables = [draw for draw in BY_HAND if getattr(worked.given, draw.__name__) is not None]
+    return [*(draw for draw in FIGURES if draw not in left_out), *own, *tables]
 
 
 BY_HAND: tuple[Callable[[Worked, Labels], Figure], ...] = (lengths, kater)

@@ -60,7 +60,8 @@ def programs(worked: Worked, labels: Labels, templates: Environment) -> Iterator
     given = values(worked, labels)
     for name in program_names(worked):
         stem = name.removesuffix(".py")
-        text = templates.get_template(f"programs/{name}.j2").render(
+        template = "part_2_6_by_hand.py" if stem == "part_2_6" and worked.recorded.by_hand is not None else name
+        text = templates.get_template(f"programs/{template}.j2").render(
             file=name, stem=stem, version=__version__, labels=labels, width=WIDTH, strip=STRIP, lowest=LOWEST,
             sign=SIGN, grey=EXACT["color"], blue=OKABE_ITO["blue"], first_swings=FIRST_SWINGS, dt=STEP,
             colours={one: colour(one) for one in worked.small.runs}, simulated=worked.given.simulated,
@@ -143,6 +144,12 @@ def values(worked: Worked, labels: Labels) -> dict[str, dict[str, Any]]:
             "ends": [(0.0, float(end)), (float(whole - end), float(whole))] if whole > 2.0 * end else [
                 (0.0, float(whole))],
         },
+        **({} if friction.by_hand is None else {"part_2_6": {
+            "omega": repr(small.omega), "gamma": repr(friction.by_hand.gamma),
+            "steps": steps_of(friction.by_hand.model),
+            "readings": rows_of(friction.by_hand.time, friction.by_hand.angle, friction.by_hand.error),
+            "loops": loops(lossy, symplectic),
+        }}),
         **tables_by_hand(given),
     }
 

@@ -40,7 +40,8 @@ class Flow:
     """The flow past the ball at the bottom of a swing.
 
     Attributes:
-        whose: "exercise" (the given or assumed ball) or "recording" (the ball of the simulated recording).
+        whose: "exercise" (the given or assumed ball), "recording" (the ball of the recording) or "readings" (the given
+            or assumed ball, at amplitudes read by hand).
         amplitude: amplitude of the swing [rad].
         speed: speed of the ball at the bottom [m/s].
         reynolds: Reynolds number of the ball there [1].
@@ -115,6 +116,48 @@ class Compared:
 
 
 @dataclass(frozen=True, eq=False)
+class Readings:
+    """Amplitudes read by hand beside the simulation of the same swing.
+
+    Attributes:
+        time: array of times since the first reading [s].
+        angle, error: arrays of the read turning points [rad], of either side or all of one, and their errors [rad].
+        simulated: array of the simulation's amplitudes at these times [rad].
+        model: the simulated run; it starts at the first reading.
+        gamma: its damping rate [1/s].
+        reasons: reasons of the differences of the amplitudes, the largest first.
+    """
+
+    time: Array
+    angle: Array
+    error: Array
+    simulated: Array
+    model: ExerciseMotion
+    gamma: float
+    reasons: tuple[Reason, ...]
+
+    @property
+    def difference(self) -> Array:
+        """Array of read minus simulated amplitude [rad]."""
+        return np.abs(self.angle) - self.simulated
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the difference [rad]."""
+        return float(np.sqrt(np.mean(self.difference**2)))
+
+    @property
+    def largest(self) -> float:
+        """Largest difference [rad]."""
+        return float(np.max(np.abs(self.difference)))
+
+    @property
+    def ends(self) -> tuple[int, ...]:
+        """Indices of the first reading, of that in the middle, and of the last."""
+        return 0, (len(self.time) - 1) // 2, len(self.time) - 1
+
+
+@dataclass(frozen=True, eq=False)
 class Recorded:
     """Numbers and runs with friction.
 
@@ -128,6 +171,8 @@ class Recorded:
         damped: run from 30 degrees with this gamma.
         fine: its first swings with a step of a FINER-th.
         compared: the comparison with the recording.
+        by_hand: the comparison with amplitudes read by hand, which takes the place of ``compared`` where nothing was
+            recorded; None otherwise, and if fewer than three readings are within COMPARED seconds.
     """
 
     flows: tuple[Flow, ...]
@@ -140,6 +185,7 @@ class Recorded:
     damped: ExerciseMotion
     fine: ExerciseMotion
     compared: Compared
+    by_hand: Readings | None
 
 
 def recorded(given: Given) -> Recorded:
@@ -167,7 +213,7 @@ def recorded(given: Given) -> Recorded:
         envelope_rate(chosen(points, np.arange(third))),
         envelope_rate(chosen(points, np.arange(len(points.time) - third, len(points.time)))),
         given.sheet.losses, large(omega, ANGLE, length, damping), large(omega, ANGLE, first, damping, dt=STEP / FINER),
-        compared(given, max(theirs, 0.0)),
+        compared(given, max(theirs, 0.0)), readings_beside(given, damping) if given.simulated else None,
     )
 
 
@@ -177,17 +223,21 @@ def chosen(points: TurningPoints, places: NDArray[np.intp]) -> TurningPoints:
 
 
 def flows(given: Given) -> list[Flow]:
-    """Return the flow past the ball at the exercise's amplitudes, and at the first and the last of the recording."""
-    first, last = (float(size) for size in given.sheet.points.amplitude[[0, -1]])
+    """Return the flow past the ball at the exercise's amplitudes, and at the first and the last of the recording, or of
+    the amplitudes read by hand where nothing was recorded."""
+    by_hand = given.amplitudes if given.simulated else None
+    points = given.sheet.points if by_hand is None else by_hand.points
+    first, last = (float(size) for size in points.amplitude[[0, -1]])
     own, other = given.body, given.sheet.scene.body
     mine = Scene("exercise", own, air(20.0), (Gravity(),), given.gravity)
-    if given.simulated:
+    whose = "recording" if by_hand is None else "readings"
+    if given.simulated and by_hand is None:
         length = given.gravity / given.recorded.value.value ** 2
         theirs = Scene("recording", Body(length, other.mass, other.radius), air(20.0), (Gravity(),), given.gravity)
     else:
         theirs = mine
-    return [flow(mine, ANGLE, "exercise"), flow(mine, SMALL, "exercise"), flow(theirs, first, "recording"),
-            flow(theirs, last, "recording")]
+    return [flow(mine, ANGLE, "exercise"), flow(mine, SMALL, "exercise"), flow(theirs, first, whose),
+            flow(theirs, last, whose)]
 
 
 def flow(scene: Scene, amplitude: float, whose: str) -> Flow:
@@ -267,3 +317,39 @@ def reasons(given: Given, at: Array, sizes: Array, envelope: Array) -> list[Reas
         Reason("start", float(np.max(sizes)) * omega.value * scatter),
         Reason("reading", given.recording.noise),
     ]
+
+
+# --- readings by hand -----------------------------------------------------------------------------------------------
+
+
+def readings_beside(given: Given, gamma: float) -> Readings | None:
+    """Simulate the swing that amplitudes were read from, with the measured frequency and the damping rate of these
+    readings [1/s], from the first reading on; None without amplitudes, or with fewer than three within COMPARED."""
+    if given.amplitudes is None:
+        return None
+    points, omega = given.amplitudes.points, given.omega.value.value
+    part = points.time - points.time[0] <= COMPARED
+    if np.count_nonzero(part) < 3:
+        return None
+    time, angle, error = points.time[part] - points.time[0], points.angle[part], points.error[part]
+    model = large(omega, float(angle[0]), float(time[-1]) + math.tau / omega, gamma)
+    at, sizes = crests(model)
+    simulated = np.interp(time, at, sizes)
+    size = np.abs(angle)
+    reasons = (
+        Reason("law", float(np.max(np.abs(given.amplitudes.best.at(points.time[part]) - simulated)))),
+        Reason("gamma", float(np.max(0.5 * size * time)) * given.amplitudes.decay.error),
+        Reason("first", float(error[0])),
+        Reason("reading", float(np.median(error))),
+    )
+    return Readings(time, angle, error, simulated, model, gamma, tuple(sorted(reasons, key=lambda one: -one.size)))
+
+
+def crests(run: ExerciseMotion) -> tuple[Array, Array]:
+    """Return times [s] and amplitudes [rad] of a run's turning points, each the crest of the parabola through three
+    steps; the first is the run's start, at rest."""
+    size = np.abs(run.angle)
+    k = np.flatnonzero((size[1:-1] >= size[:-2]) & (size[1:-1] > size[2:])) + 1
+    slope, bend = 0.5 * (size[k + 1] - size[k - 1]), size[k + 1] - 2.0 * size[k] + size[k - 1]
+    time = run.time[k] - run.dt * slope / bend
+    return np.concatenate([run.time[:1], time]), np.concatenate([size[:1], size[k] - 0.5 * slope**2 / bend])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import re
 import shutil
@@ -21,20 +20,18 @@ from pendulum_env.common.progress import Progress, told_by, with_bar
 from pendulum_env.common.provenance import output_folder, provenance, write_csv
 from pendulum_env.common.replacing import replacing
 from pendulum_env.exercise.answers import Answers, earlier
-from pendulum_env.exercise.figures import FIGURES, STRIPS, SWINGS, USUAL_SWINGS, WIDEST, WIDTH, frequency, further
+from pendulum_env.exercise.figures import STRIPS, SWINGS, USUAL_SWINGS, WIDEST, WIDTH, figures_of
+from pendulum_env.exercise.language import ENGLISH, TEXTS, Language, language_of
 from pendulum_env.exercise.programs import data_tables, program_names, programs
 from pendulum_env.exercise.values import digits, fixed, values, with_error
 from pendulum_env.exercise.worked import Worked
+from pendulum_env.lab.measures import percent
 from pendulum_env.physics.units import SceneError, line
 from pendulum_env.plots import save_all
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-TEXTS = Path(__file__).with_name("texts")
-"""Folder of the page's layout, and of a folder for each language: the report's text and the labels of the figures."""
-LANGUAGE = "en"
-"""Language of the report."""
 REPORT = "report.html"
 """Name of the report's file."""
 DROPPED = re.compile(r"<\?xml.*?\?>|<!DOCTYPE.*?>|<metadata>.*?</metadata>", re.S)
@@ -62,13 +59,15 @@ def need_jinja() -> None:
 
 @with_bar("report")
 def write(
-    worked: Worked, folder: str | Path, *, name: str = "", key: bool = False, progress: Progress | bool | None = None
+    worked: Worked, folder: str | Path, *, name: str = "", key: bool = False, language: str = ENGLISH,
+    progress: Progress | bool | None = None,
 ) -> list[Path]:
     """Write the report of a worked exercise, and return the paths of the files.
 
     ``report.html`` is complete in itself; every figure is also written as PNG and SVG, the numbers as ``numbers.csv``
-    and the curves as ``small_angles.csv``, ``large_angle.csv``, ``damped.csv`` and ``recording.csv``. The programs
-    behind the figures, ``part_1_2.py`` and so on, run alone; :mod:`pendulum_env.exercise.programs` writes them.
+    and the curves as ``small_angles.csv``, ``large_angle.csv``, ``damped.csv`` and ``recording.csv``, or
+    ``amplitudes.csv`` of readings by hand. The programs behind the figures, ``part_1_2.py`` and so on, run alone;
+    :mod:`pendulum_env.exercise.programs` writes them.
     Everything is made in a temporary folder first, so that an error or Ctrl-C leaves earlier files unchanged. What a
     student typed into an earlier ``report.html`` of the folder, and saved, is in the new one, too.
 
@@ -77,14 +76,17 @@ def write(
         folder: folder for the files.
         name: the student's name, printed at the top and on every page.
         key: True fills every blank with the answer; without it no answer is in the file.
+        language: code of the language of the report and its figures, "en" or "de"; tables and the comments of programs
+            are in English.
         progress: True shows a progress bar, False none; by default a notebook shows one for work over 1.5 s. A
             function is called with the fraction done and the present activity.
 
-    Raises SceneError if jinja2 is missing, if the name is not one line, or if the folder's report has answers that the
-    key would lose, or that are another student's; OutputError if the folder cannot be written.
+    Raises SceneError if jinja2 is missing, for an unknown language, if the name is not one line, or if the folder's
+    report has answers that the key would lose, or that are another student's; OutputError if the folder cannot be
+    written.
     """
     need_jinja()
-    owner = named(name)
+    owner, texts = named(name), language_of(language)
     tell, place = told_by(progress), output_folder(folder)
     kept = earlier(place / REPORT, owner, key)
     source = worked.given.recording.source + (" (simulated)" if worked.given.simulated else "")
@@ -93,19 +95,19 @@ def write(
     with TemporaryDirectory() as temporary:
         made = Path(temporary)
         paths = [made / REPORT, *tables(worked, key, made, facts)]
-        labels = json.loads((TEXTS / LANGUAGE / "labels.json").read_text(encoding="utf-8"))
-        drawn = [draw for draw in FIGURES if not (worked.given.simulated and draw is frequency)] + further(worked)
+        drawn = figures_of(worked)
         figures: dict[str, Drawing] = {}
         for i, draw in enumerate(drawn):
             tell(i / len(drawn), f"drawing {draw.__name__.replace('_', ' ')}")
-            figure = draw(worked, labels)
+            figure = texts.localised(draw(worked, texts.figures))
             paths += save_all(figure, made / draw.__name__, {**facts, "Title": draw.__name__})
-            figures[draw.__name__] = Drawing(i + 1, inlined(paths[-1].read_text(encoding="utf-8"), draw.__name__))
-        for file, text in programs(worked, labels, environment()):
+            svg = paths[-1].read_text(encoding="utf-8")
+            figures[draw.__name__] = Drawing(i + 1, inlined(svg, draw.__name__, f"{texts.say('figure')} {i + 1}"))
+        for file, text in programs(worked, texts.figures, environment(texts)):
             paths.append(made / file)
             paths[-1].write_text(text, encoding="utf-8")
         tell(1.0, "writing the report")
-        paths[0].write_text(page(worked, figures, owner, key, facts, kept), encoding="utf-8")
+        paths[0].write_text(page(worked, figures, owner, key, facts, kept, language), encoding="utf-8")
         return [moved(path, place / path.name) for path in paths]
 
 
@@ -126,21 +128,22 @@ def moved(made: Path, target: Path) -> Path:
 
 def page(
     worked: Worked, figures: dict[str, Drawing], name: str, key: bool, facts: dict[str, str],
-    answers: Answers | None = None,
+    answers: Answers | None = None, language: str = ENGLISH,
 ) -> str:
     """Return the report's HTML, with what was typed into an earlier report in its blanks."""
     numbers, sections, kept = count(1), count(1), Answers() if answers is None else answers
-    template = environment().get_template(f"{LANGUAGE}/{REPORT}.j2")
+    template = environment(language_of(language)).get_template(f"{REPORT}.j2")
     return template.render(
-        worked=worked, figures=figures, name=name, key=key, kept=kept, facts=facts, language=LANGUAGE,
+        worked=worked, figures=figures, name=name, key=key, kept=kept, facts=facts, language=language,
         next_question=lambda: next(numbers), next_section=lambda: next(sections), sqrt=math.sqrt, exp=math.exp,
         log=math.log, sin=math.sin, atan=math.atan, pi=math.pi, programs=program_names(worked),
         whole_swings=STRIPS * SWINGS, strip_swings=USUAL_SWINGS, widest_energy=WIDEST**2,
     )
 
 
-def environment() -> Environment:
-    """Return the environment in which the templates are rendered, with the filters for numbers and equations."""
+def environment(language: Language) -> Environment:
+    """Return the environment in which the templates are rendered, with a language's sentences and filters for numbers
+    and equations."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
     from markupsafe import Markup, escape
 
@@ -148,13 +151,16 @@ def environment() -> Environment:
         return str(source.unescape() if isinstance(source, Markup) else source)
 
     found = Environment(loader=FileSystemLoader(TEXTS), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
-                        lstrip_blocks=True)
+                        lstrip_blocks=True, finalize=language.shown)
+    found.globals["say"] = language.say
     found.filters |= {
-        "n": digits,
+        "n": lambda *number: language.numeral(digits(*number)),
         "deg": math.degrees,
         "median": lambda values: float(np.median(values)),
-        "f": fixed,
-        "with_error": with_error,
+        "f": lambda *number: language.numeral(fixed(*number)),
+        "short": lambda number: language.numeral(f"{number:g}"),
+        "with_error": lambda *measured: language.numeral(with_error(*measured)),
+        "percent": lambda share: language.numeral(percent(share)),
         "m": lambda source: Markup(mathml(text_of(source))),
         "equations": lambda source: Markup(mathml(text_of(source), block=True)),
         "css": lambda source: Markup(escape(css_text(source))),
@@ -167,8 +173,8 @@ def css_text(text: str) -> str:
     return "".join(letter if letter.isalnum() or letter in " .,-" else f"\\{ord(letter):x} " for letter in text)
 
 
-def inlined(svg: str, name: str) -> Any:
-    """Return an SVG file's element for a page: as wide as the text, with a name for screen readers, and with names of
+def inlined(svg: str, name: str, title: str) -> Any:
+    """Return an SVG file's element for a page: as wide as the text, with a title for screen readers, and with names of
     its own that begin with ``name``."""
     from markupsafe import Markup
 
@@ -177,7 +183,7 @@ def inlined(svg: str, name: str) -> Any:
     share = 100.0 * points / (72.0 * WIDTH)
     own = IDENTIFIER.sub(lambda found: f"{found[1]}{name}-", bare)
     spaces = 'xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink"'
-    head = rf'<svg \1 style="width: {share:.0f}%" role="img" aria-label="{name.replace("_", " ")}" {spaces}>'
+    head = rf'<svg \1 style="width: {share:.0f}%" role="img" aria-label="{title}" {spaces}>'
     return Markup(re.sub(r'<svg [^>]*?(viewBox="[^"]*")[^>]*>', head, own, count=1))
 
 
@@ -186,7 +192,7 @@ def inlined(svg: str, name: str) -> Any:
 
 def tables(worked: Worked, key: bool, folder: Path, facts: dict[str, str]) -> Iterator[Path]:
     """Write the CSV files into a folder, and yield their paths; predicted numbers are written only with the key."""
-    small, compared = worked.small.runs, worked.recorded.compared
+    small, compared, by_hand = worked.small.runs, worked.recorded.compared, worked.recorded.by_hand
     save = partial(csv_file, folder, facts)
     yield save("numbers.csv", ("part", "quantity", "value", "error", "unit"),
                [row[:-1] for row in values(worked) if key or not row.answer])
@@ -197,8 +203,12 @@ def tables(worked: Worked, key: bool, folder: Path, facts: dict[str, str]) -> It
     for name, run in (("large_angle.csv", worked.large.run), ("damped.csv", worked.recorded.damped)):
         yield save(name, ("time_s", "angle_rad", "velocity_rad_s", "energy"),
                    columns(run.time, run.angle, run.velocity, run.energy))
-    yield save("recording.csv", ("time_s", "recorded_rad", "simulated_rad"),
-               columns(compared.time, compared.recorded, compared.simulated))
+    if by_hand is None:
+        yield save("recording.csv", ("time_s", "recorded_rad", "simulated_rad"),
+                   columns(compared.time, compared.recorded, compared.simulated))
+    else:
+        yield save("amplitudes.csv", ("time_s", "read_rad", "error_rad", "simulated_rad"),
+                   columns(by_hand.time, np.abs(by_hand.angle), by_hand.error, by_hand.simulated))
     for name, titles, series in data_tables(worked):
         yield save(name, titles, columns(*series))
 

@@ -101,14 +101,21 @@ def values(worked: Worked) -> Iterator[Value]:
             yield measured("2.4", f"{NAMES[curve.law]}: {name}", value)
             yield Value("2.4", f"readings minus the envelope of {NAMES[curve.law]}, rms", given.amplitudes.rms(curve),
                         "", "rad")
-    compared = friction.compared
-    yield Value("2.6", "root mean square of recording minus simulation", compared.rms, "", "rad")
-    yield Value("2.6", "largest difference", compared.largest, "", "rad")
-    yield Value("2.6", f"mean period of {compared.cycles} oscillations, recording", compared.period_recorded, "", "s")
-    yield Value("2.6", f"mean period of {compared.cycles} oscillations, simulation", compared.period_simulated, "", "s")
-    for moment, seen, run_size in compared.amplitudes:
-        yield Value("2.6", f"amplitude of the recording at {moment:.4g} s", seen, "", "rad")
-        yield Value("2.6", f"amplitude of the simulation at {moment:.4g} s", run_size, "", "rad")
+    compared, by_hand = friction.compared, friction.by_hand
+    if by_hand is not None:
+        yield Value("2.6", "root mean square of reading minus simulated amplitude", by_hand.rms, "", "rad")
+        yield Value("2.6", "largest difference", by_hand.largest, "", "rad")
+        for after, amplitude in zip(by_hand.time.tolist(), by_hand.simulated.tolist(), strict=True):
+            what = f"amplitude of the simulation {after:.4g} s after the first reading"
+            yield Value("2.6", what, amplitude, "", "rad")
+    else:
+        yield Value("2.6", "root mean square of recording minus simulation", compared.rms, "", "rad")
+        yield Value("2.6", "largest difference", compared.largest, "", "rad")
+        for who, period in (("recording", compared.period_recorded), ("simulation", compared.period_simulated)):
+            yield Value("2.6", f"mean period of {compared.cycles} oscillations, {who}", period, "", "s")
+        for moment, seen, run_size in compared.amplitudes:
+            yield Value("2.6", f"amplitude of the recording at {moment:.4g} s", seen, "", "rad")
+            yield Value("2.6", f"amplitude of the simulation at {moment:.4g} s", run_size, "", "rad")
     if given.lengths is not None:
         yield measured("3", "gravity from T² against the length", given.lengths.gravity)
         yield measured("3", "offset of the length", given.lengths.offset)
@@ -117,7 +124,7 @@ def values(worked: Worked) -> Iterator[Value]:
         yield measured("3", "period of the reversible pendulum", given.kater.period)
         yield measured("3", "distance of its knife edges", given.kater.edges)
         yield measured("3", "gravity from the reversible pendulum", given.kater.gravity)
-    for reason in compared.reasons:
+    for reason in (compared if by_hand is None else by_hand).reasons:
         yield Value("2.6", f"largest difference due to: {reason.name}", reason.size, "", "rad", True)
 
 

@@ -481,7 +481,7 @@ def _unit(table: TextTable, layout: ColumnLayout, angle: FloatArray, given: str 
     if largest <= 2 * math.pi and quantum > _COARSE:
         return "deg", f"inferred: steps of {quantum:.3g} are too coarse for radians (unit= overrides)"
     unit, side = ("deg", "above") if largest > 2 * math.pi else ("rad", "not above")
-    return unit, f"inferred: the largest |angle|, {largest:g}, is {side} 2 pi (unit= overrides)"
+    return unit, f"inferred: the largest |angle|, {largest:.4g}, is {side} 2 pi (unit= overrides)"
 
 
 def _refuse_other_numbers(table: TextTable, layout: ColumnLayout, values: FloatArray, unit: str) -> None:

@@ -246,9 +246,8 @@ class Recording(Plotted):
             centred = self.released().centred()
         except RecordingError as error:
             return [f"release and equilibrium: not found ({str(error).removeprefix(f'{self.source}: ')})"]
-        names = {"released": "release", "centred": "equilibrium"}
-        new = centred.notes[len(self.notes) :]
-        return [f"{note}, by {method}()" for method, name in names.items() for note in new if note.startswith(name)]
+        return [f"{note}, before it is measured" for note in centred.notes[len(self.notes) :]
+                if note.startswith(("release", "equilibrium"))]
 
     def released(self, at: float | None = None) -> Recording:
         """Return the free swing: the recording cut at the release, with time 0 at the turning point where it starts.
@@ -289,7 +288,7 @@ class Recording(Plotted):
         if left < 3:
             end = f"the recording ends at {self.time[-1]:g} s"
             raise RecordingError(f"{self.source}: release must leave at least 3 points, {at:g} s leaves {left} ({end})")
-        note = f"release: time zero at {at:g} s, {len(keep) - left} earlier points cut off{why}"
+        note = f"release: time zero at {round(at, 4):g} s, {len(keep) - left} earlier points cut off{why}"
         return part_of(self, keep, note, at, release=at)
 
     def kept(
@@ -353,7 +352,7 @@ class Recording(Plotted):
 
     def _about(self, zero: float, how: str) -> Recording:
         """Return the recording with ``zero`` [rad] subtracted from its angle, and a note on it."""
-        note = f"equilibrium: {zero:.6g} rad subtracted ({how})"
+        note = f"equilibrium: {zero:.3g} rad subtracted ({how})"
         return replace(self, angle=self.angle - zero, notes=(*self.notes, note), zero=zero)
 
     @cached_property

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from pendulum_env.plots.recorded import READING, amplitudes
 from pendulum_env.plots.series import FloatArray
-from pendulum_env.plots.style import LINES
+from pendulum_env.plots.style import LINES, legend_above
 from pendulum_env.plots.titles import for_figure, page
 from pendulum_env.render.palette import FAINT_INK, INK, OKABE_ITO
 
@@ -66,7 +66,7 @@ def amplitudes_by_hand(sheet: AmplitudeSheet, figure: Figure | None = None, word
         room = (high / low) ** 0.08
         above.set_ylim(low / room, high * room)
         above.set(ylabel=words["amplitude"])
-        above.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), borderaxespad=0.2, ncols=4)
+        legend_above(above, 4)
         below.axhline(0.0, color=FAINT_INK, linewidth=0.8)
         below.fill_between(points.time, -error, error, color=FAINT_INK, alpha=0.25, linewidth=0.0)
         aside(below, points.time)
@@ -88,10 +88,11 @@ def lengths_by_hand(sheet: LengthSheet, figure: Figure | None = None, words: Wor
         above.plot(fine, sheet.line.at(fine), color=OKABE_ITO["vermillion"], linewidth=1.4,
                    label=words["slope"].format(f"{sheet.line.slope:.4g}"))
         above.plot(start, 0.0, "|", color=OKABE_ITO["blue"], markersize=14, markeredgewidth=2.0,
-                   label=words["zero"].format(Measurement(1e3 * start, 1e3 * sheet.offset.error, "mm")))
+                   label=words["zero"].format(str(Measurement(1e3 * start, 1e3 * sheet.offset.error, "mm")).replace(
+                       "-", "\N{MINUS SIGN}")))
         errorbars(above, x, square, error, words["readings"])
         above.set(ylabel=words["square"], ylim=(-0.08 * float(square.max()), 1.08 * float(square.max())))
-        above.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), borderaxespad=0.2, ncols=3)
+        legend_above(above, 3)
         errorbars(below, x, sheet.residual, error, words["readings"])
         below.axhline(0.0, color=OKABE_ITO["vermillion"], linewidth=1.0)
         below.set(xlabel=words["length"], xlim=(fine[0], fine[1]), ylabel=words["off_line"])
@@ -127,7 +128,7 @@ def kater_by_hand(sheet: KaterSheet, figure: Figure | None = None, words: Words 
             below.set(xlabel=words["centre"], ylabel=words["bessel"])
         aside(below, sheet.position)
         above.set(ylabel=words["small_period"])
-        above.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), borderaxespad=0.2, ncols=3)
+        legend_above(above, 3)
     return drawing
 
 

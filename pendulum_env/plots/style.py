@@ -33,6 +33,8 @@ HEAVY = 1_000_000
 """Size of an SVG [bytes] beyond which a notebook shows the figure as PNG."""
 WIDE = (8.0, 4.5)
 """Size of a figure with one pair of axes [inch]."""
+WIDEST_LEGEND = 0.85
+"""Largest width of a legend above axes, as a share of the figure's; the rest is left for the vertical axis."""
 
 LINES: tuple[tuple[Any, float], ...] = (
     ("-", 2.8),
@@ -169,6 +171,15 @@ def blank(
         given.set_size_inches(*size)
         given.set_layout_engine(layout or "none")
     return given
+
+
+def legend_above(at: Axes, columns: int, fontsize: float | None = None) -> None:
+    """Draw a legend above the axes, in so many columns at most as fit into the figure."""
+    for number in range(columns, 0, -1):
+        legend = at.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), borderaxespad=0.2, ncols=number,
+                           fontsize=fontsize)
+        if legend.get_window_extent().width < WIDEST_LEGEND * at.figure.bbox.width:
+            break
 
 
 def decades(low: float, high: float) -> tuple[float, float]:

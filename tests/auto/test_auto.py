@@ -342,7 +342,7 @@ def test_costs_of_this_machine_are_kept_and_said(monkeypatch, tmp_path):
     monkeypatch.setattr(module, "measure", lambda _tell: dear)
     choice = quick(recalibrate=True)
     assert choice.method != "exact"
-    assert "by the table measured here" in choice.why
+    assert "by the times of steps measured here" in choice.why
     monkeypatch.setattr(module, "measure", None)
     assert quick() == choice
     (path,) = (path for path in tmp_path.iterdir() if "ForceGradient" in json.loads(path.read_text())["answer"])

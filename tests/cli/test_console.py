@@ -42,7 +42,7 @@ def test_no_number_of_the_drift_table_is_cut_and_no_line_is_too_long(width, drif
     assert "…" not in said
     words = said.replace(":", "").split()
     full = [column for column in zip(drift.head, *drift.rows, strict=True) if {*column[1:]} != {"-"}]
-    assert all(word in words for column in full for cell in column for word in cell.split())
+    assert all(word in words for column in full for cell in column for word in cell.replace(":", "").split())
     assert (f"{LEADING_ERROR}:" in said) == (width < 200)  # a column of its own where there is room
     assert words.count(LEADING_ERROR.split()[0]) == 1
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import json
 import math
 import re
 import signal
@@ -23,10 +22,11 @@ from in_browser import opened
 from scipy.integrate import solve_ivp
 
 from pendulum_env.common.mathml import NotationError, mathml
-from pendulum_env.exercise import report
+from pendulum_env.exercise import figures, report
 from pendulum_env.exercise.answers import Answers, earlier
 from pendulum_env.exercise.figures import FIGURES
 from pendulum_env.exercise.given import Given
+from pendulum_env.exercise.language import language_of
 from pendulum_env.exercise.values import values, with_error
 from pendulum_env.exercise.worked import Worked, work_out
 from pendulum_env.lab import Recording, measure
@@ -231,7 +231,7 @@ def test_an_own_step_is_named_by_what_it_does() -> None:
     assert worked.small.runs["own_step"].ratio == pytest.approx(worked.small.forward.ratio, rel=1e-12)
 
 
-LABELS = json.loads((report.TEXTS / report.LANGUAGE / "labels.json").read_text(encoding="utf-8"))
+LABELS = language_of("en").figures
 DRAWINGS = {draw.__name__: report.Drawing(i + 1, "") for i, draw in enumerate(FIGURES)}
 """The figures of a page, without what they draw."""
 FACTS = {"Software": "x", "Python": "y", "Command": "z"}
@@ -333,7 +333,7 @@ def test_interrupted_writing_leaves_earlier_files(
         raise KeyboardInterrupt
 
     (tmp_path / "report.html").write_text("kept")
-    monkeypatch.setattr(report, "FIGURES", (stop,))
+    monkeypatch.setattr(figures, "FIGURES", (stop,))
     before = contents(tmp_path)
     with pytest.raises(KeyboardInterrupt):
         report.write(worked, tmp_path)
@@ -343,14 +343,14 @@ def test_interrupted_writing_leaves_earlier_files(
 CTRL_C = """
 import functools, os, signal, sys
 from pendulum_env.cli import main
-from pendulum_env.exercise import report
+from pendulum_env.exercise import figures
 
-@functools.wraps(report.FIGURES[2])
+@functools.wraps(figures.FIGURES[2])
 def interrupted(*given):
     os.kill(os.getpid(), signal.SIGINT)
     return interrupted.__wrapped__(*given)
 
-report.FIGURES = (*report.FIGURES[:2], interrupted, *report.FIGURES[3:])
+figures.FIGURES = (*figures.FIGURES[:2], interrupted, *figures.FIGURES[3:])
 sys.argv = ["lab-pendulum", "exercise", "--out", "x"]
 main()
 """

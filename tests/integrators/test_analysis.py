@@ -115,9 +115,12 @@ def test_names_and_methods_are_taken_alike():
 
 
 TEXTS = {
-    "forward_euler": "-h^2 theta''/2 a step; amplitude x exp(+omega0^2 h t/2); frequency -(omega0 h)^2/3",
-    "velocity_verlet": "-h^3 theta'''/6 a step; amplitude kept; frequency +(omega0 h)^2/24",
-    "rk4": "-h^5 theta^(5)/120 a step; amplitude x exp(-omega0^6 h^5 t/144); frequency -(omega0 h)^4/120",
+    "forward_euler": "error of the angle in a step: -h^2 theta''/2; "
+                     "amplitude after a time t: times exp(+omega0^2 h t/2); frequency: -(omega0 h)^2/3 of its value",
+    "velocity_verlet": "error of the angle in a step: -h^3 theta'''/6; amplitude exact; "
+                       "frequency: +(omega0 h)^2/24 of its value",
+    "rk4": "error of the angle in a step: -h^5 theta^(5)/120; "
+           "amplitude after a time t: times exp(-omega0^6 h^5 t/144); frequency: -(omega0 h)^4/120 of its value",
 }
 
 
@@ -129,10 +132,11 @@ def test_leading_errors_in_words(name):
 def test_leading_errors_of_other_shapes_in_words():
     made_up = replace(leading_error("rk4"), angle=Term(Fraction(-3, 4), 2), amplitude=None)
     made_up = replace(made_up, frequency=Term(Fraction(2), 1))
-    assert made_up.text == "-3 h^2 theta''/4 a step; amplitude kept; frequency +2 (omega0 h)"
+    assert made_up.text == (
+        "error of the angle in a step: -3 h^2 theta''/4; amplitude exact; frequency: +2 (omega0 h) of its value")
     long = replace(made_up, angle=Term(Fraction(1234567, 10**9), 7), frequency=None)
-    assert long.text == "+0.001235 h^7 theta^(7) a step; amplitude kept; frequency exact"
-    assert replace(long, angle=None).text.startswith("exact step; ")
+    assert long.text == "error of the angle in a step: +0.001235 h^7 theta^(7); amplitude exact; frequency exact"
+    assert replace(long, angle=None).text.startswith("error of the angle in a step: 0; ")
     assert long.latex.startswith(r"\delta\theta = +0.001235\,h^{7}\theta^{(7)},")
     assert replace(long, angle=None).latex == r"\delta\theta = 0,\quad \delta A = 0,\quad \delta\omega = 0"
 

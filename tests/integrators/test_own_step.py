@@ -120,8 +120,9 @@ def test_a_lower_order_with_damping_or_drive_is_told() -> None:
         theta = theta + omega * dt + 0.5 * a * dt**2
         return theta, omega + 0.5 * (a + acceleration(theta, omega)) * dt
 
-    assert "observed order 2.00; 1.00 with damping (pass each stage's velocity" in from_step(careless).summary
-    assert "1.00 with a drive (pass each stage's time" in from_step(verlet).summary
+    advice = "in every call of acceleration, give"
+    assert f"observed order 2.00; only 1.00 with damping: {advice} the velocity" in from_step(careless).summary
+    assert f"only 1.00 with a drive: {advice} as third argument the time" in from_step(verlet).summary
     assert "with a drive" not in from_step(arrays).summary
 
 

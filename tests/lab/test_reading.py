@@ -196,7 +196,7 @@ def test_a_told_release_and_zero_stay(write: Write) -> None:
     assert found.released() is found
     assert found.centred() is found
     assert found.notes[-2:] == ("release: time zero at 2.03 s, 41 earlier points cut off, as given",
-                                "equilibrium: -0.0523599 rad subtracted (as given)")
+                                "equilibrium: -0.0524 rad subtracted (as given)")
     again = found.released(1.0).centred(0.1)
     assert again.time[0] == pytest.approx(2.05 - 2.03 + 1.0 - 1.0, abs=0.05)
     assert (again.release, again.zero) == (1.0, 0.1)
@@ -214,9 +214,9 @@ def test_what_is_printed(write: Write) -> None:
     assert re.fullmatch(r"  quantum: 0\.2475 deg; noise: 0\.0[67]\d* deg", lines[2])
     assert tuple(line.strip() for line in lines[3:6]) == found.notes[:3]
     assert "  scale: angle multiplied by 0.99" in lines
-    subtracted = r"  equilibrium: 0\.05\d+ rad subtracted \(middle of \d+ turning points\), by centred\(\)"
+    subtracted = r"  equilibrium: 0\.05\d+ rad subtracted \(middle of \d+ turning points\), before it is measured"
     assert re.fullmatch(subtracted, lines[-1])
-    assert str(found.centred()).splitlines()[-1] == lines[-1].removesuffix(", by centred()")
+    assert str(found.centred()).splitlines()[-1] == lines[-1].removesuffix(", before it is measured")
     creeping = Recording(TIME, np.exp(-0.05 * TIME), "made")
     assert "rate: 20 Hz, even" in creeping.text
     assert "quantum: none seen" in creeping.text

@@ -298,7 +298,7 @@ def test_the_hand_is_cut_off(hold: float) -> None:
     quarter = math.pi / 3.8 / 2
     assert min(abs(start - let_go), abs(start - let_go - 2 * quarter)) < 0.1 * quarter
     assert 0 <= free.time[0] < 0.02
-    assert free.notes[-1] == f"release: time zero at {start:g} s, {cut} earlier points cut off"
+    assert free.notes[-1] == f"release: time zero at {round(start, 4):g} s, {cut} earlier points cut off"
     assert decay_rate(free.centred()).value == pytest.approx(0.04, rel=0.02)
 
 
@@ -322,7 +322,7 @@ def test_the_offset_is_taken_out() -> None:
     for centred in (recording.centred(), recording.released().centred()):
         removed = recording.angle[-1] - centred.angle[-1]
         assert removed == pytest.approx(OFFSET, abs=3 * 0.001 / math.sqrt(8))
-        assert centred.notes[-1].startswith(f"equilibrium: {removed:.6g} rad subtracted (middle of ")
+        assert centred.notes[-1].startswith(f"equilibrium: {removed:.3g} rad subtracted (middle of ")
 
 
 def test_the_hand_does_not_shift_the_equilibrium() -> None:

@@ -105,11 +105,11 @@ def _present(scene: Scene, effect: Effect) -> AuditCase:
         return AuditCase(effect.name, True, effect, scene, scene, needed=True, note=note)
     if effect.kind == "conservative" and not rest.of_kind("conservative"):
         simpler = _simpler(scene, effect)
-        note = "without it nothing swings"
+        note = "needed, as nothing swings without it"
         if simpler is None:
             return AuditCase(effect.name, True, effect, scene, scene, needed=True, note=note)
         other = with_effect(rest, simpler)
-        note += f"; compared with {simpler.name} in its place"
+        note += f"; the changes in its row are those from {simpler.name} to {effect.name}"
         return AuditCase(effect.name, True, effect, scene, other, (simpler,), needed=True, note=note)
     if effect.controlled:
         still = "brakes" if effect.flow else "does nothing"

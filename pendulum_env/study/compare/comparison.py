@@ -188,6 +188,8 @@ class Comparison(Result):
             + (f" (error about {self.truth.error:.1g} rad)." if self.truth.known else "."),
             self.large,
             self.flow,
+            f"Leading errors: h is the step, t the time, and omega0 = {self.scene.omega0:.4g} rad/s the angular "
+            "frequency of small swings." if self.scene.omega0 else "",
         ]
         lines += [run.method.remark for run in self.runs.values()]
         lines += [f"{label}: {run.ending}" for label, run in self.runs.items() if run.stop_reason == "slack"][:1]

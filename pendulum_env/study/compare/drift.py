@@ -23,7 +23,7 @@ TIMED_STEPS = {True: 10_000, False: 200}
 """Number of steps of one timing, for compiled (True) and interpreted (False) machines."""
 REPEATS = 7
 """Number of timings, of which the shortest counts."""
-LEADING_ERROR = "leading error (small angles)"
+LEADING_ERROR = "leading error at small angles"
 """Title of the table column of the methods' leading error terms."""
 
 

@@ -278,7 +278,7 @@ const PLOTS = ["angle", "energy", "error", "phase", "distance", "free", "section
 const CAPTIONS = {
   angle: "Angle against time; the accurate solution is pale",
   energy: "Energy against time; dashed: kinetic (orange) and potential energy (blue) of one pendulum",
-  error: "Error of the energy over the energy at the start; a gain is solid, a loss dashed",
+  error: "Error of the energy, as a share of that at the start (of m g L if that is 0); a gain is solid, a loss dashed",
   phase: "Phase portrait: velocity against angle; the accurate orbit is pale",
   distance: "Distance of the angle from the accurate solution",
   free: "Any quantity against any other",

@@ -1,0 +1,111 @@
+"""The languages of the report: one table of texts each, ``texts/en.json`` and so on, and the form of its numbers.
+
+A table holds the sign between a number's whole part and its decimals, the labels of the figures, and the sentences of
+the report. In a sentence ``{name}`` is a value that the report sets in, and an equation stands between dollar signs, as
+:mod:`pendulum_env.common.mathml` reads it. A file beside the others, with the same names, is another language.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+from matplotlib.ticker import Formatter
+
+from pendulum_env.common.checks import one_of
+from pendulum_env.common.mathml import mathml
+from pendulum_env.lab.measures import Measurement
+
+if TYPE_CHECKING:
+    from markupsafe import Markup
+
+TEXTS = Path(__file__).with_name("texts")
+"""Folder of the page's templates, of the tables of texts, and of the templates of the programs."""
+LANGUAGES = tuple(sorted(path.stem for path in TEXTS.glob("*.json")))
+"""Codes of the languages that have a table."""
+ENGLISH = "en"
+"""Language of a report for which none is chosen."""
+POINT = re.compile(r"(?<=\d)\.(?=\d)")
+"""Point between the digits of a number."""
+VALUE = re.compile(r"\{(\w+)\}")
+"""Place of a value in a sentence."""
+
+
+@dataclass(frozen=True)
+class Language:
+    """The texts of one language.
+
+    Attributes:
+        code: code of the language, such as "en", as HTML names it.
+        decimal: sign between the whole part of a number and its decimals.
+        figures: labels in figures, by name.
+        report: sentences of the report, by name.
+    """
+
+    code: str
+    decimal: str
+    figures: Mapping[str, str]
+    report: Mapping[str, str]
+
+    def numeral(self, text: str) -> str:
+        """Return a number's text, such as ``1.50 ± 0.02 s``, with the language's decimal sign; within Matplotlib's
+        formulas in braces, because a comma has a space there."""
+        return POINT.sub(f"{{{self.decimal}}}" if text.startswith("$") else self.decimal, text)
+
+    def shown(self, value: Any) -> Any:
+        """Return a measurement or a number as it stands in the report; other values as they are."""
+        if isinstance(value, Measurement):
+            return self.numeral(str(value).removesuffix(" 1"))
+        return self.numeral(str(value)) if isinstance(value, float) else value
+
+    def say(self, name: str, /, **values: Any) -> Markup:
+        """Return a sentence as HTML, with its values and equations; KeyError if it or a value of it is missing."""
+        from markupsafe import Markup, escape
+
+        parts = self.report[name].split("$")
+        for k in range(len(parts)):
+            parts[k] = mathml(parts[k]) if k % 2 else VALUE.sub(
+                lambda found: str(escape(self.shown(values[found[1]]))), parts[k])
+        return Markup("".join(parts))
+
+    def localised(self, drawing: Figure) -> Figure:
+        """Return a figure whose numbers have the language's decimal sign, those of its axes, too."""
+        if self.decimal != ".":
+            for text in drawing.findobj(Text):
+                text.set_text(self.numeral(text.get_text()))
+            for at in drawing.axes:
+                for axis in (at.xaxis, at.yaxis):
+                    axis.set_major_formatter(_Localised(axis.get_major_formatter(), self))
+        return drawing
+
+
+class _Localised(Formatter):
+    """Labels of an axis by another formatter, with a language's decimal sign."""
+
+    def __init__(self, usual: Formatter, language: Language) -> None:
+        self.usual, self.language = usual, language
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        return self.language.numeral(self.usual(x, pos))
+
+    def format_ticks(self, values: Any) -> list[str]:
+        return [self.language.numeral(label) for label in self.usual.format_ticks(values)]
+
+    def get_offset(self) -> str:
+        return self.language.numeral(self.usual.get_offset())
+
+    def set_locs(self, locs: Any) -> None:
+        self.usual.set_locs(locs)
+
+
+def language_of(code: str) -> Language:
+    """Return the texts of a language by its code; SceneError that lists the languages if there is no such one."""
+    one_of(code, "language of the report", LANGUAGES)
+    table = json.loads((TEXTS / f"{code}.json").read_text(encoding="utf-8"))
+    return Language(code, table["decimal"], table["figures"], table["report"])
