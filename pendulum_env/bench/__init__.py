@@ -9,16 +9,16 @@ from pendulum_env.bench.source import Chunk, Source, SourceError
 from pendulum_env.bench.sources import SOURCES
 
 if TYPE_CHECKING:
-    from pendulum_env.bench.device import DEVICES, Device, DeviceError, Reading, SerialBoard, VirtualBoard
+    from pendulum_env.bench.device import Device, DeviceError, Reading, VirtualBoard
     from pendulum_env.bench.environment import LabPendulumBenchEnv
     from pendulum_env.bench.running import acquire
 
 _LAZY = {"acquire": "running", "LabPendulumBenchEnv": "environment",
-         **dict.fromkeys(("DEVICES", "Device", "DeviceError", "Reading", "SerialBoard", "VirtualBoard"), "device")}
+         **dict.fromkeys(("Device", "DeviceError", "Reading", "VirtualBoard"), "device")}
 """Names that are imported on first use, because they load the readers of recordings or environments, and modules."""
 
-__all__ = ["DEVICES", "SOURCES", "Chunk", "Device", "DeviceError", "LabPendulumBenchEnv", "Reading", "SerialBoard",
-           "Source", "SourceError", "VirtualBoard", "acquire"]
+__all__ = ["SOURCES", "Chunk", "Device", "DeviceError", "LabPendulumBenchEnv", "Reading", "Source", "SourceError",
+           "VirtualBoard", "acquire"]
 
 
 def __getattr__(name: str) -> Any:

@@ -10,10 +10,12 @@ import subprocess
 import sys
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import KW_ONLY, dataclass
 from typing import Any, ClassVar, NamedTuple, Protocol
 
+from pendulum_env.bench.firmware import TICK
 from pendulum_env.bench.protocol import (
     BAUD,
     DRIVING,
@@ -28,7 +30,13 @@ from pendulum_env.bench.protocol import (
     encoded,
 )
 from pendulum_env.bench.sources.serial_port import library, received, refusal
-from pendulum_env.common.checks import SceneError, nearest, shown
+from pendulum_env.common.checks import SceneError, file_path, nearest, shown, whole_number
+from pendulum_env.engine.machine import find_method
+from pendulum_env.envs.sensing import checked_delay
+from pendulum_env.envs.settings import checked_sensor
+from pendulum_env.physics.presets import find_scene
+from pendulum_env.physics.sensor import Sensor
+from pendulum_env.physics.units import Checked, setting, si
 
 STATES = {STOPPED: "stopped", DRIVING: "driving", TRIPPED: "watchdog"}
 """States of a device, by the numbers of the protocol."""
@@ -306,43 +314,60 @@ class SocketLine:
         self._link.close()
 
 
-class VirtualBoard(Board):
+def checked_late(value: Any, name: str) -> Any:
+    """Return a delay of the virtual board [s], or its range; SceneError for one that is not whole milliseconds."""
+    checked_delay(value, name, TICK, 1)
+    return value
+
+
+@dataclass(repr=False, eq=False)
+class VirtualBoard(Checked, Board):
     """A simulated bench in a process of its own, in real time: serial protocol, firmware and watchdog of a real one.
 
-    Args:
-        scene: what swings: a preset's name, a dict, a Scene, or a scene's JSON file.
-        angle, velocity: where the bob is when the board is switched on [rad, rad/s].
-        seed: seed of the sensor's noise and of gusts.
-        log: file to which the firmware writes the time of its clock, drive and state at every change; None for none.
-        **keywords: those of ``gym.make("LabPendulum-v0", ...)``, such as ``sensor``, ``action_delay`` and ``length``.
-            Without a sensor it is an encoder with 2400 counts in a turn.
+    Its scene is integrated in steps of a millisecond. Raises SceneError for an invalid value.
     """
 
-    name = "virtual"
-    about = "a simulated bench in real time, in a process of its own; works everywhere"
-    place = "SCENE"
-    real = False
-    patience = 1.0
+    name: ClassVar[str] = "virtual"
+    about: ClassVar[str] = "a simulated bench in real time, in a process of its own; works everywhere"
+    place: ClassVar[str] = "SCENE"
+    real: ClassVar[bool] = False
+    patience: ClassVar[float] = 1.0
 
-    def __init__(self, scene: Any = "lab", *, angle: float = 0.0, velocity: float = 0.0, seed: int = 0,
-                 log: str | None = None, **keywords: Any) -> None:
-        super().__init__()
-        given = {name: value for name, value in keywords.items() if value is not None}
-        self._keywords = {"sensor": {"quantum": math.tau / STEPS_PER_TURN}, **given, "scene": scene}
-        self._start, self._seed, self._log = (angle, velocity), seed, log
+    scene: Any = setting("lab", "what swings: a preset's name, a dict, a Scene, or a scene's JSON file",
+                         lambda value, name: find_scene(value))
+    _: KW_ONLY
+    sensor: Any = setting(None, "how the angle is read: a Sensor, or a dict of its values", checked_sensor,
+                          optional=True, note="None: an encoder with 2400 counts in a turn")
+    observation_delay: float | Sequence[float] = setting(0.0, "delay of readings", checked_late, unit="s",
+                                                         note="whole milliseconds; (low, high) is drawn")
+    action_delay: float | Sequence[float] = setting(0.0, "delay of actions", checked_late, unit="s",
+                                                    note="as of readings")
+    integrator: str = setting("rk4", "method that integrates it")
+    angle: float = si(0.0, "rad", "angle at which the board is switched on")
+    velocity: float = si(0.0, "rad/s", "velocity then")
+    seed: int = setting(0, "seed of the noise and of gusts", lambda value, name: whole_number(value, name, least=0))
+    log: Any = setting(None, "file to which the firmware writes time, drive and state at every change", file_path,
+                       optional=True, note="None for none")
+
+    def __post_init__(self) -> None:
+        Checked.__post_init__(self)
+        find_method(self.integrator, self.scene)
+        Board.__init__(self)
         self._process: subprocess.Popen[bytes] | None = None
 
-    def __repr__(self) -> str:
-        scene = self._keywords["scene"]
-        return f"virtual:{getattr(scene, 'name', scene)}" if not isinstance(scene, Mapping) else "virtual"
+    def __str__(self) -> str:
+        return f"virtual ({self.scene.name})"
 
     def connect(self) -> Line:
-        """Start the process and wait for it."""
+        """Start the process and wait for it; DeviceError if it does not start."""
         from pendulum_env.bench.virtual_board import Wanted
 
         self._end()
         with socket.create_server(("127.0.0.1", 0)) as server:
-            wanted = Wanted(server.getsockname()[1], self._keywords, *self._start, self._seed, self._log)
+            keywords = {"scene": self.scene, "integrator": self.integrator, "action_delay": self.action_delay,
+                        "observation_delay": self.observation_delay,
+                        "sensor": self.sensor or Sensor(quantum=math.tau / STEPS_PER_TURN)}
+            wanted = Wanted(server.getsockname()[1], keywords, self.angle, self.velocity, self.seed, self.log)
             process = subprocess.Popen([sys.executable, "-m", "pendulum_env.bench.virtual_board"],
                                        stdin=subprocess.PIPE, stderr=subprocess.PIPE)
             self._process = process
@@ -403,6 +428,9 @@ def device_at(address: Any, scene: Any = "lab", **keywords: Any) -> Device:
     name, _, place = address.partition(":")
     if name == VirtualBoard.name:
         return VirtualBoard(place or scene, **keywords)
+    if any(keywords.values()):
+        given = " and ".join(word for word, value in keywords.items() if value)
+        raise DeviceError(f"{given} cannot be chosen, as a real bench has its own; leave it out.")
     if name == SerialBoard.name:
         return SerialBoard(place)
     raise DeviceError(f"There is no device {shown(address)}{nearest(name, DEVICES)}")

@@ -138,8 +138,8 @@ class LabPendulumBenchEnv(LabPendulumEnv):
         self.metadata = {**OWN_METADATA, "render_fps": 1.0 / self._dt}
         self._settings = given
         if not SHORTEST_STEP <= self._dt <= LONGEST_STEP:
-            raise SceneError(f"dt must be from {SHORTEST_STEP:g} to {LONGEST_STEP:g} s on a bench, not {self._dt:g} s, so "
-                             "that its watchdog stops the motor within 0.1 s.")
+            raise SceneError(f"dt must be from {SHORTEST_STEP:g} to {LONGEST_STEP:g} s on a bench, not {self._dt:g} s, "
+                             "so that its watchdog stops the motor within 0.1 s.")
         motor = self._machine.scene.coefficients.get("motor_rate", 0.0) * self._scene.inertia
         if motor <= 0.0 or self._omega0 <= 0.0:
             raise SceneError(f"The scene {shown(self._scene.name)} needs gravity and a motor to be a bench; take "
@@ -150,8 +150,8 @@ class LabPendulumBenchEnv(LabPendulumEnv):
         sensor = given.sensor if isinstance(given.sensor, Sensor) else Sensor()
         self._corner = sensor.corner
         self._readings = deque(maxlen=2 if sensor.corner else int(sensor.window) + 1)
-        late = {name: getattr(given, name) or None for name in ("observation_delay", "action_delay")}
-        self._device = device_at(given.device, self._scene, sensor=given.sensor, integrator=given.integrator, **late)
+        self._device = device_at(given.device, self._scene, sensor=_of_the_virtual(given.sensor),
+                                 observation_delay=given.observation_delay, action_delay=given.action_delay)
         self._watchdog = min(WATCHDOG * self._dt, MOST_WATCHDOG)
         self._confirmed = given.confirm is True or not self._device.real
         self._ended, self._zero, self._due, self._swift = "", 0.0, -math.inf, 0.0
@@ -496,6 +496,12 @@ class LabPendulumBenchEnv(LabPendulumEnv):
 
     def __getstate__(self) -> dict[str, Any]:
         raise SceneError("A bench cannot be copied or pickled, as there is one of it; make another environment.")
+
+
+def _of_the_virtual(sensor: Any) -> Sensor | None:
+    """Return a sensor without window and corner, which compute a velocity here; None if it has nothing else."""
+    plain = None if sensor is None else replace(sensor, window=1.0, corner=None)
+    return None if plain == Sensor() else plain
 
 
 def _plain(given: BenchSettings) -> BenchSettings:

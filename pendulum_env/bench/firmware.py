@@ -33,8 +33,9 @@ FINE = 1_000_000
 class Shaft(Protocol):
     """A pendulum with a motor and an encoder, in steps of ``TICK``."""
 
-    counts: int
-    """Counts in one turn."""
+    @property
+    def counts(self) -> int:
+        """Counts in one turn."""
 
     @property
     def count(self) -> int:
