@@ -87,7 +87,8 @@ def declared(entry: Field[Any]) -> str:
 DECLARED: Mapping[str, str] = {
     entry.name: declared(entry)
     for kind in (
-        VectorSettings, BenchSettings, VirtualBoard, *EFFECTS.values(), *BODIES.values(), Medium, Run, Scene, Sensor, VirtualSensor)
+        VectorSettings, BenchSettings, VirtualBoard, *EFFECTS.values(), *BODIES.values(), Medium, Run, Scene, Sensor,
+        VirtualSensor)
     for entry in fields(kind)
     if getattr(check := entry.metadata.get("check"), "func", check) in (number, whole_number, one_of, boolean)
 }
