@@ -9,6 +9,7 @@ import socket
 import subprocess
 import sys
 import time
+import weakref
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -325,6 +326,9 @@ class VirtualBoard(Checked, Board):
     """A simulated bench in a process of its own, in real time: serial protocol, firmware and watchdog of a real one.
 
     Its scene is integrated in steps of a millisecond. Raises SceneError for an invalid value.
+
+    Attributes:
+        process: the process, None before the first opening.
     """
 
     name: ClassVar[str] = "virtual"
@@ -353,7 +357,8 @@ class VirtualBoard(Checked, Board):
         Checked.__post_init__(self)
         find_method(self.integrator, self.scene)
         Board.__init__(self)
-        self._process: subprocess.Popen[bytes] | None = None
+        self.process: subprocess.Popen[bytes] | None = None
+        self._finish: Any = None
 
     def __str__(self) -> str:
         return f"virtual ({self.scene.name})"
@@ -370,7 +375,7 @@ class VirtualBoard(Checked, Board):
             wanted = Wanted(server.getsockname()[1], keywords, self.angle, self.velocity, self.seed, self.log)
             process = subprocess.Popen([sys.executable, "-m", "pendulum_env.bench.virtual_board"],
                                        stdin=subprocess.PIPE, stderr=subprocess.PIPE)
-            self._process = process
+            self.process = process
             assert process.stdin is not None
             assert process.stderr is not None
             with suppress(OSError), process.stdin as pipe:
@@ -379,12 +384,16 @@ class VirtualBoard(Checked, Board):
             while not select.select([server], [], [], 0.05)[0]:
                 if process.poll() is not None:
                     said = process.stderr.read().decode("utf-8", "replace").strip().splitlines()
+                    ended(process)
                     raise DeviceError(f"The virtual board has not started: {said[-1] if said else 'it said nothing'}.")
                 if time.monotonic() > until:
-                    self._end()
+                    process.kill()
+                    ended(process)
                     raise DeviceError(f"The virtual board has not started within {START:g} s; try again when the "
                                       "computer is less busy.")
-            return SocketLine(server.accept()[0])
+            line = SocketLine(server.accept()[0])
+            self._finish = weakref.finalize(self, ended, process, line)  # also where a program ends without close()
+            return line
 
     def close(self) -> None:
         """Cut the line; the process ends by itself."""
@@ -392,17 +401,21 @@ class VirtualBoard(Checked, Board):
         self._end()
 
     def _end(self) -> None:
-        """Wait for the process to end, and end it if it does not."""
-        process, self._process = self._process, None
-        if process is None:
-            return
-        try:
-            process.wait(5.0)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
-        if process.stderr is not None:
-            process.stderr.close()
+        if self._finish is not None:
+            self._finish()
+
+
+def ended(process: subprocess.Popen[bytes], line: Line | None = None) -> None:
+    """Cut the line to a virtual board, wait for its process to end, and end it if it does not."""
+    if line is not None:
+        line.close()
+    try:
+        process.wait(5.0)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+    if process.stderr is not None:
+        process.stderr.close()
 
 
 DEVICES: Mapping[str, type[Device]] = {kind.name: kind for kind in (VirtualBoard, SerialBoard)}

@@ -42,10 +42,12 @@ SPEED = 4.0
 """Usual limit of the speed, in omega0; a bob that falls from the top has 2."""
 WILD = 4.0
 """Speed between two readings, in limits of the speed, beyond which they are nonsense."""
-JUMP = 0.5
+JUMP = 2.0
 """Difference between the clocks of the device and of this computer that is nonsense [s]."""
 NEAR, SLOW = 0.1, 0.05
 """Largest distance from hanging or upright [rad], and speed there [omega0], of a start that a bench can make."""
+SAME = 0.05
+"""Distance from the zero of the run before within which that zero stays [rad]."""
 STILL = 0.01
 """Range of the angle over a period of small swings within which the bob hangs at rest [rad]."""
 BRAKE = 0.3
@@ -96,7 +98,8 @@ class LabPendulumBenchEnv(LabPendulumEnv):
 
     ## Starting State
 
-    `reset` brakes with the motor, waits until the bob hangs at rest, and takes the angle there as 0. Tasks that start
+    `reset` brakes with the motor, waits until the bob hangs at rest, and takes the angle there as 0, or keeps the zero
+    of the run before if it is within 0.05 rad. Tasks that start
     upright are brought there by the controller of `pendulum_env.controllers`. Other starts raise DeviceError.
 
     ## Episode End
@@ -154,6 +157,7 @@ class LabPendulumBenchEnv(LabPendulumEnv):
                                  observation_delay=given.observation_delay, action_delay=given.action_delay)
         self._watchdog = min(WATCHDOG * self._dt, MOST_WATCHDOG)
         self._confirmed = given.confirm is True or not self._device.real
+        self._zeroed = False
         self._ended, self._zero, self._due, self._swift = "", 0.0, -math.inf, 0.0
         self._late, self._missed, self._warned, self._began, self._asked_at = 0.0, 0, False, 0.0, 0.0
         self._first_energy: float | None = None
@@ -324,12 +328,12 @@ class LabPendulumBenchEnv(LabPendulumEnv):
     def _fault(self, reason: str, why: str) -> None:
         """End the episode for a reason of the device."""
         self._ended = self._ended or reason
-        if why:
+        if why and self._settings.warn:
             warn(f"The episode ends: {why}")
 
     def _tell_of_slowness(self) -> None:
         """Warn once that actions come too late."""
-        if not self._warned:
+        if not self._warned and self._settings.warn:
             self._warned = True
             left_out = "a control step was" if self._missed == 1 else f"{self._missed} control steps were"
             warn(f"An action came {1e3 * self._late:.0f} ms after its observation, more than dt={1e3 * self._dt:g} ms, "
@@ -413,6 +417,7 @@ class LabPendulumBenchEnv(LabPendulumEnv):
         """Open the device, a lost one anew, and read it for the first time."""
         if self._ended == "device":
             self._device.close()
+            self._zeroed = False  # a board that begins again counts from where the bob is then
         self._device.open(self._watchdog)
         self._readings.clear()
         self._swift, self._ended = 0.0, ""
@@ -426,15 +431,19 @@ class LabPendulumBenchEnv(LabPendulumEnv):
         self._due = max(self._due + self._dt, device.now())
         device.wait(self._due)
         self._accept(device.read())
-        if self._ended == "watchdog":
-            raise DeviceError(f"The watchdog of {device} has stopped the motor within reset(), as this computer was "
-                              "held up; call reset() again, or give a longer dt.")
+        if self._ended == "watchdog":  # this computer was held up, which does no harm here
+            self._ended = ""
+            device.open(self._watchdog)
         if abs(self._swift) > self._speed_limit:
             raise DeviceError(f"The bob is faster than {self._speed_limit:.3g} rad/s; hold it, then call reset().")
         return self._readings[-1]
 
     def _rest(self) -> None:
-        """Brake until the bob has hung at rest for a period, and take its mean angle as 0."""
+        """Brake until the bob has hung at rest for a period, and take its mean angle as 0.
+
+        The zero of the run before stays if the bob hangs near it, so that runs of one bench have one zero: dry friction
+        lets a bob rest beside its equilibrium.
+        """
         period = math.tau / self._omega0 / self._dt
         whole, short = max(2, math.ceil(period)), max(1, round(SMOOTH * period))
         past: deque[float] = deque([self._readings[-1].angle], maxlen=whole)
@@ -446,7 +455,10 @@ class LabPendulumBenchEnv(LabPendulumEnv):
             if self._device.now() > until:
                 raise DeviceError(f"The bob has not come to rest within {PATIENCE:g} s: over the last period it moved "
                                   f"by {max(past) - min(past):.3g} rad; hold it until it hangs at rest, then reset().")
-        self._zero = sum(past) / len(past)
+        mean = sum(past) / len(past)
+        kept = self._zero + math.tau * round((mean - self._zero) / math.tau)
+        self._zero = kept if self._zeroed and abs(mean - kept) <= SAME else mean
+        self._zeroed = True
 
     def _bring_up(self) -> None:
         """Bring the bob near upright by the scene's controller; DeviceError if it cannot."""

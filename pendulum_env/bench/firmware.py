@@ -109,13 +109,15 @@ class Firmware:
             self._tell(self.time, drive, state)
         self.drive, self.state = drive, state
 
-    def receive(self, data: bytes, at: float) -> bytes:
-        """Return the answers to what came at a time [s]."""
+    def receive(self, data: bytes, at: float, until: float = 0.0) -> bytes:
+        """Return the answers to what came at a time [s]; a question is answered ``until`` a later one, if given."""
         self.go_on(at)
-        return b"".join(filter(None, map(self._obey, self._frames.feed(data))))
+        return b"".join(self._obey(frame, until) for frame in self._frames.feed(data))
 
-    def _obey(self, frame: Frame) -> bytes:
+    def _obey(self, frame: Frame, until: float) -> bytes:
         letter, numbers = frame.letter, frame.numbers
+        if letter == "Q":
+            self.go_on(until)
         if letter == "H" and len(numbers) == 1 and 0 < numbers[0] <= 1000:
             self._watchdog, self._fed = numbers[0] / 1000.0, None
             self._set(0, DRIVING)

@@ -21,8 +21,8 @@ from pendulum_env.bench.firmware import Firmware, Plant, Tell
 LOOK = 0.002
 """Longest time between two looks at the line [s]."""
 HELD_UP = 0.005
-"""Time after the last look [s] beyond which this process counts as held up by others: what came since counts as come
-at this time, so that a busy computer does not trip the watchdog of a board that has a processor of its own."""
+"""Time after the last look [s] beyond which this process counts as held up by others: drives that came since count as
+come at this time, so that they feed the watchdog as they would that of a board with a processor of its own."""
 AFTER = 0.5
 """Time for which the board goes on after its line is cut [s], as a real one would."""
 
@@ -66,7 +66,7 @@ def run(wanted: Wanted) -> None:
                     data = line.recv(4096)
                     if not data:
                         break
-                    line.sendall(firmware.receive(data, min(now, last + HELD_UP) - began))
+                    line.sendall(firmware.receive(data, min(now, last + HELD_UP) - began, now - began))
                 firmware.go_on(now - began)
                 last = now
         firmware.go_on(last + AFTER - began)

@@ -70,7 +70,7 @@ def test_a_run_over_the_line(log: Path, tmp_path: Path) -> None:
     env = gym.make("LabPendulumBench-v0", device=board, scene="lab", dt=0.04, log=tmp_path / "run.csv", twin=True,
                    backend="python", warn=False)
     env.reset(seed=0)
-    process = board._process
+    process = board.process
     assert process is not None
     infos = [env.step(np.ones(1, np.float32))[4] for _ in range(40)]
     env.close()
