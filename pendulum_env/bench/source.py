@@ -18,6 +18,8 @@ FloatArray = NDArray[np.float64]
 
 ANGLE = ("Angle (deg)",)
 """Titles of the columns of a source that reads an angle."""
+TWIN = "Twin (deg)"
+"""Title of a column with the angle of a simulation of the same run, which the page draws beside it."""
 
 
 class SourceError(SceneError):
