@@ -232,8 +232,10 @@ class Acquisition:
     def start(self, path: Path, *, force: bool = False, duration: float = math.inf) -> None:
         """Begin a run of ``duration`` [s] and write it to a journal; its time 0 is the next sample's.
 
-        Raises FileExistsError if the file exists, unless ``force`` is True, and OSError if it cannot be written.
+        Raises FileExistsError if the file exists, unless ``force`` is True, OSError if it cannot be written, and
+        SourceError if the source cannot begin.
         """
+        self.source.begin()
         self.journal = Journal(path, self.source, force=force)
         self.past, self._began, self._until, self._noted = Past(), None, duration, EARLY - NOTES
         self.status = replace(self.status, recording=True, full=False, samples=0, lost=0, time=0.0)
@@ -244,6 +246,7 @@ class Acquisition:
         self.status = replace(self.status, recording=False)
         if journal is None:
             return None
+        self.source.end()
         try:
             self._note(journal)
         finally:

@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, fields, replace
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
@@ -498,7 +499,7 @@ class Session:
             time_now = self.acquisition.status.time
             if not self.shown or self.file is None or time_now < self._next:
                 continue
-            later = time_now + NEWS if self._twin else max(1.3 * time_now, time_now + 0.5)
+            later = max(1.02 * time_now, time_now + 0.4) if self._twin else max(1.3 * time_now, time_now + 0.5)
             self._next = later if self.acquisition.status.recording else math.inf
             run, wanted = self.run, self.beside
             try:
@@ -507,10 +508,15 @@ class Session:
                 early = isinstance(error, RecordingError) and self.acquisition.status.recording
                 said = "It begins after the first half swing." if early else sentence(error)
                 curve = {"t": [], "y": [], "v": [], "problem": said}
-            if curve is not None and run == self.run and wanted == self.beside and self.shown:
-                self.curves["beside"] = curve
+            if curve is not None:
                 with suppress(TimeoutError, OrderError):  # the page is being closed
-                    self.between(lambda: self._tell({"kind": "curve", "name": "beside", **self.curves["beside"]}))
+                    self.between(partial(self._draw_beside, curve, run, wanted))
+
+    def _draw_beside(self, curve: dict[str, Any], run: int, wanted: Beside) -> None:
+        """Tell the pages the simulation beside the swing, unless another run or simulation has begun meanwhile."""
+        if run == self.run and wanted == self.beside and self.shown:
+            self.curves["beside"] = curve
+            self._tell({"kind": "curve", "name": "beside", **curve})
 
     def _of_twin(self) -> dict[str, Any] | None:
         """Return the curve of the source's own simulation, of the same actions; None before it has two points."""

@@ -92,6 +92,12 @@ class Source(Checked, ABC):
     def open(self) -> None:
         """Connect; SourceError says what is missing and the remedy."""
 
+    def begin(self) -> None:
+        """Hear that a run begins with the next sample; for sources that do something then. May raise SourceError."""
+
+    def end(self) -> None:
+        """Hear that the run has ended."""
+
     @abstractmethod
     def read(self, timeout: float = 0.1) -> Chunk | None:
         """Return the samples that have come since the last call, waiting up to ``timeout`` [s] for the first.

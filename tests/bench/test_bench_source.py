@@ -67,6 +67,29 @@ def test_the_page_draws_the_twin_beside_the_bench(tmp_path: Path) -> None:
         assert curve["y"] == pytest.approx(shown, abs=1e-3)
 
 
+def test_the_motor_is_idle_before_and_after_a_run_and_each_begins_from_rest(tmp_path: Path) -> None:
+    board = SimulatedBoard()
+    with served(Bench(device=board, policy="random"), out=tmp_path / "bench.csv") as page:
+        status = page.session.acquisition
+        when(lambda: math.isfinite(status.status.reading))
+        told = len(board.told)
+        when(lambda: board.clock > 5.0)
+        assert len(board.told) == told  # nothing but the brake of the opening
+        for _ in range(2):
+            assert ordered(page, "start") == {}
+            when(lambda: status.status.samples >= 100)
+            assert ordered(page, "stop") == {}
+        done = board.clock
+        when(lambda: board.clock > done + 1.0)
+        assert board.firmware.drive == 0
+    for run in (1, 2):
+        text = (tmp_path / f"bench-run{run}.csv").read_text()
+        table = np.array([line.split(",") for line in text.splitlines() if line[:1].isdigit()], dtype=float)
+        assert abs(table[0, 1]) < 1.0
+        assert table[0, 2] != 0.0
+        assert np.diff(table[:, 0]) == pytest.approx(0.02, abs=1e-6)
+
+
 def test_a_limit_or_the_watchdog_ends_the_source_with_its_reason(tmp_path: Path) -> None:
     board = SimulatedBoard(torque=5.0)
     with pytest.warns(UserWarning, match=r"The run ended early: the bench has stopped its motor \(speed_limit\)"):

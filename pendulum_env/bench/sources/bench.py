@@ -22,8 +22,9 @@ SUBSTEPS = 4
 class Bench(Source):
     """The environment ``LabPendulumBench-v0`` under a controller: angles, the actions that follow them, and the twin.
 
-    Opening it brakes the bob and waits until it hangs at rest. The file of a run is a log that
-    ``pendulum_env.lab.DrivenLog`` reads and ``lab-pendulum fit`` fits.
+    Opening it brakes the bob and waits until it hangs at rest; the controller acts in runs only, and brings it to rest
+    again before the next one. The file of a run is a log that ``pendulum_env.lab.DrivenLog`` reads and
+    ``lab-pendulum fit`` fits.
     """
 
     name: ClassVar[str] = "bench"
@@ -69,7 +70,22 @@ class Bench(Source):
         except SceneError as error:
             self.close()
             raise SourceError(str(error).rstrip(".")) from None
-        self._kept.update(policy=policy, seen=seen, info=info)
+        self._kept.update(policy=policy, seen=seen, info=info, acts=False, swings=False, before=0.0)
+
+    def begin(self) -> None:
+        """Let the controller act, from rest; SourceError for a bob that does not come to rest."""
+        kept = self._kept
+        if kept["swings"]:
+            kept["before"] += kept["info"]["time"] + 1.0 / self.rate
+            try:
+                kept["seen"], kept["info"] = kept["env"].reset()
+            except SceneError as error:
+                raise SourceError(str(error).rstrip(".")) from None
+        kept.update(acts=True, swings=True)
+
+    def end(self) -> None:
+        """Let the controller rest."""
+        self._kept["acts"] = False
 
     def read(self, timeout: float = 0.1) -> Chunk:
         """Make a control step; return the reading before it, and what the motor did then.
@@ -77,12 +93,12 @@ class Bench(Source):
         Raises SourceError once a limit, the watchdog or a lost device has stopped the motor.
         """
         kept = self._kept
-        before, action = kept["info"], kept["policy"](kept["seen"])
+        before, action = kept["info"], kept["policy"](kept["seen"]) if kept["acts"] else np.zeros(1)
         if before["stop_reason"]:
             raise SourceError(f"the bench has stopped its motor ({before['stop_reason']}); start again")
         kept["seen"], _, _, _, kept["info"] = kept["env"].step(np.asarray(action, dtype=np.float32))
         row = [math.degrees(before["angle"]), float(action[0]), math.degrees(before["twin_angle"])]
-        return Chunk(np.array([row]), np.array([before["time"]]))
+        return Chunk(np.array([row]), np.array([kept["before"] + before["time"]]))
 
     def close(self) -> None:
         """Switch the motor off and close the bench."""
