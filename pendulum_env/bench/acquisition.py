@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from pendulum_env.bench.journal import Journal
-from pendulum_env.bench.source import Chunk, FloatArray, Source, SourceError
+from pendulum_env.bench.source import Chunk, FloatArray, Source, SourceError, name_and_unit
 
 WINDOW = 1.0
 """Time over which the rate of samples is measured [s]."""
@@ -232,8 +232,10 @@ class Acquisition:
     def start(self, path: Path, *, force: bool = False, duration: float = math.inf) -> None:
         """Begin a run of ``duration`` [s] and write it to a journal; its time 0 is the next sample's.
 
-        Raises FileExistsError if the file exists, unless ``force`` is True, and OSError if it cannot be written.
+        Raises FileExistsError if the file exists, unless ``force`` is True, OSError if it cannot be written, and
+        SourceError if the source cannot begin.
         """
+        self.source.begin()
         self.journal = Journal(path, self.source, force=force)
         self.past, self._began, self._until, self._noted = Past(), None, duration, EARLY - NOTES
         self.status = replace(self.status, recording=True, full=False, samples=0, lost=0, time=0.0)
@@ -244,6 +246,7 @@ class Acquisition:
         self.status = replace(self.status, recording=False)
         if journal is None:
             return None
+        self.source.end()
         try:
             self._note(journal)
         finally:
@@ -277,7 +280,9 @@ class Acquisition:
             self.status = kept = replace(kept, lost=kept.lost + lost)
         if not len(at):
             return True
-        values = self.sign * (raw - self.zero)
+        turned = [1.0 if name_and_unit(title)[1] or self.source.quantity != "angle" else 0.0
+                  for title in self.source.columns]  # the zero of an angle is not that of an action beside it
+        values = self.sign * (raw - self.zero * np.array(turned[:raw.shape[1]]))
         self.status = kept = replace(kept, reading=float(values[-1, 0]), rate=self._rate.add(at))
         if self.journal is not None and not kept.full:
             self._began = float(at[0]) if self._began is None else self._began

@@ -8,14 +8,23 @@ import threading
 from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
+from typing import Protocol
 
-from pendulum_env.bench.source import FloatArray, Source, SourceError
+from pendulum_env.bench.source import FloatArray, SourceError
 from pendulum_env.common.provenance import checked_folder, provenance
 from pendulum_env.common.texts import NOTE, clean
 from pendulum_env.lab.containers import MARK, NOTED
 
 SYNCED = 1.0
 """Time between two orders to the system to bring the file to the disk [s]; see :class:`Journal`."""
+
+
+class Titled(Protocol):
+    """What gives samples, whose repr stands in the file."""
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Titles of the columns after the time, with units."""
 
 
 class Journal:
@@ -28,7 +37,7 @@ class Journal:
     Raises FileExistsError if the file exists; with ``force`` it is replaced by the first sample.
     """
 
-    def __init__(self, path: Path, source: Source, *, force: bool = False) -> None:
+    def __init__(self, path: Path, source: Titled, *, force: bool = False) -> None:
         self.path = path
         self._mark = "," if path.suffix.lower() == ".csv" else "\t"
         facts = provenance(source=repr(source), began=datetime.now().astimezone().isoformat(timespec="seconds"))
@@ -59,6 +68,11 @@ class Journal:
         while not self._over.wait(SYNCED):
             with contextlib.suppress(OSError):
                 os.fsync(self._handle)
+
+    @property
+    def open(self) -> bool:
+        """True while the file is open."""
+        return self._handle >= 0
 
     def write(self, time: FloatArray, values: FloatArray) -> None:
         """Append samples: times [s], shape ``(samples,)``, and readings, shape ``(samples, columns)``.

@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, fields, replace
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, TypeVar
@@ -26,7 +27,7 @@ import numpy as np
 from integrators import MethodError, get
 from pendulum_env.bench.acquisition import Acquisition
 from pendulum_env.bench.journal import numbered
-from pendulum_env.bench.source import FloatArray, Source, name_and_unit
+from pendulum_env.bench.source import TWIN, FloatArray, Source, name_and_unit
 from pendulum_env.common.texts import clean
 from pendulum_env.engine.rollout import rollout
 from pendulum_env.lab import Fit, Recording, RecordingError, fit, turning_points
@@ -106,6 +107,9 @@ class Session:
         self._over = threading.Event()
         self._live = False
         self._workers = ThreadPoolExecutor(1, "bench-work")
+        self._twin = self.source.columns.index(TWIN) if TWIN in self.source.columns else 0
+        self._beside_it: list[tuple[float, float]] = []  # times and angles of the twin in the present run
+        self.shown = self.shown or bool(self._twin)
         self._next = 0.0
         self._drawn: tuple[Any, ...] = ()
         self._threads: list[threading.Thread] = []
@@ -170,6 +174,8 @@ class Session:
             self._integrate(at, values[:, 0])
         if self.acquisition.status.recording:
             self._pending.append((np.round(at, 6).tolist(), shown))
+            if self._twin:
+                self._beside_it += zip(at.tolist(), (values[:, self._twin] * self.factor).tolist(), strict=True)
 
     def _integrate(self, at: FloatArray, rates: FloatArray) -> None:
         """Add to the angle since zero [degrees], which a gyroscope's page shows beside its rate."""
@@ -269,7 +275,7 @@ class Session:
             "zero": acquisition.zero * self.factor, "file": clean(self.file.name) if self.file else "",
             "save_as": clean(self._free_name()), "saved": [clean(path.name) for path in self.saved],
             "work": self.work, "fit": self.found, "report": self.report,
-            "beside": {**vars(self.beside), "shown": self.shown,
+            "beside": {**vars(self.beside), "shown": self.shown, "twin": bool(self._twin),
                        "problem": str(self.curves.get("beside", {}).get("problem", ""))},
         })
 
@@ -307,6 +313,7 @@ class Session:
         self.found = self.report = None
         self.curves.clear()
         self._pending.clear()
+        self._beside_it = []
         self._next, self._drawn = 0.0, ()
         self._tell({"kind": "past", "run": self.run, "t": [], "y": [], "now": _finite(self._latest)})
 
@@ -492,18 +499,31 @@ class Session:
             time_now = self.acquisition.status.time
             if not self.shown or self.file is None or time_now < self._next:
                 continue
-            self._next = math.inf if not self.acquisition.status.recording else max(1.3 * time_now, time_now + 0.5)
+            later = max(1.02 * time_now, time_now + 0.4) if self._twin else max(1.3 * time_now, time_now + 0.5)
+            self._next = later if self.acquisition.status.recording else math.inf
             run, wanted = self.run, self.beside
             try:
-                curve = self._simulated(wanted, time_now)
+                curve = self._of_twin() if self._twin else self._simulated(wanted, time_now)
             except Exception as error:  # said on the page, which stays alive
                 early = isinstance(error, RecordingError) and self.acquisition.status.recording
                 said = "It begins after the first half swing." if early else sentence(error)
                 curve = {"t": [], "y": [], "v": [], "problem": said}
-            if curve is not None and run == self.run and wanted == self.beside and self.shown:
-                self.curves["beside"] = curve
+            if curve is not None:
                 with suppress(TimeoutError, OrderError):  # the page is being closed
-                    self.between(lambda: self._tell({"kind": "curve", "name": "beside", **self.curves["beside"]}))
+                    self.between(partial(self._draw_beside, curve, run, wanted))
+
+    def _draw_beside(self, curve: dict[str, Any], run: int, wanted: Beside) -> None:
+        """Tell the pages the simulation beside the swing, unless another run or simulation has begun meanwhile."""
+        if run == self.run and wanted == self.beside and self.shown:
+            self.curves["beside"] = curve
+            self._tell({"kind": "curve", "name": "beside", **curve})
+
+    def _of_twin(self) -> dict[str, Any] | None:
+        """Return the curve of the source's own simulation, of the same actions; None before it has two points."""
+        time_, angle = np.array(self._beside_it[:]).reshape(-1, 2).T
+        if len(time_) < 2:
+            return None
+        return _points(time_, angle, np.gradient(angle, time_))
 
     def _simulated(self, wanted: Beside, now: float) -> dict[str, Any] | None:
         """Return the simulation from the recording's own release on; None if that of before still holds."""
@@ -539,9 +559,14 @@ class Session:
             factor = 1.0
         if slope is None:
             slope = np.gradient(readings, time)
-        every = max(1, math.ceil(len(time) / MOST_POINTS))
-        parts = {"t": time, "y": factor * readings, "v": factor * slope}
-        return {name: [float(f"{value:.7g}") for value in part[::every].tolist()] for name, part in parts.items()}
+        return _points(time, factor * readings, factor * slope)
+
+
+def _points(time: FloatArray, readings: FloatArray, slope: FloatArray) -> dict[str, Any]:
+    """Return a curve in the form of the page, thinned if it is long."""
+    every = max(1, math.ceil(len(time) / MOST_POINTS))
+    parts = {"t": time, "y": readings, "v": slope}
+    return {name: [float(f"{value:.7g}") for value in part[::every].tolist()] for name, part in parts.items()}
 
 
 def sentence(error: Exception) -> str:

@@ -18,6 +18,8 @@ FloatArray = NDArray[np.float64]
 
 ANGLE = ("Angle (deg)",)
 """Titles of the columns of a source that reads an angle."""
+TWIN = "Twin (deg)"
+"""Title of a column with the angle of a simulation of the same run, which the page draws beside it."""
 
 
 class SourceError(SceneError):
@@ -89,6 +91,12 @@ class Source(Checked, ABC):
     @abstractmethod
     def open(self) -> None:
         """Connect; SourceError says what is missing and the remedy."""
+
+    def begin(self) -> None:
+        """Hear that a run begins with the next sample; for sources that do something then. May raise SourceError."""
+
+    def end(self) -> None:
+        """Hear that the run has ended."""
 
     @abstractmethod
     def read(self, timeout: float = 0.1) -> Chunk | None:

@@ -52,8 +52,15 @@ IDS: Mapping[str, tuple[Registered, Mapping[str, Any]]] = MappingProxyType({
 """Id -> number of control steps of an episode, and the keywords that the id sets."""
 
 
+BENCH_ID = "LabPendulumBench-v0"
+"""Id of the environment of a bench, which is no simulation: it has no vector of its own, and repeats no run."""
+
+
 def register() -> None:
     """Register all ids with Gymnasium."""
+    gymnasium.register(
+        id=BENCH_ID, entry_point="pendulum_env.bench.environment:LabPendulumBenchEnv", nondeterministic=True,
+        max_episode_steps=REGISTERED)
     for name, (steps, keywords) in IDS.items():
         gymnasium.register(
             id=name, entry_point="pendulum_env.envs.env:LabPendulumEnv",

@@ -124,6 +124,8 @@ OF_RESTARTS: dict[AutoresetMode, tuple[tuple[str, Callable[[Vector, Run], None]]
     AutoresetMode.DISABLED: (("reset_mask", check_reset_mask),),
 }
 """Checks of when episodes restart, by the autoreset mode."""
+OF_REPEATS = ("seeds", "starts", "pickling", "ignored action")
+"""Checks that need an environment that can repeat a run, beside those of equality."""
 
 
 def check_vector_env(
@@ -140,6 +142,9 @@ def check_vector_env(
       other mode that ``make_vec`` takes: when episodes restart, ``final_obs`` and ``final_info``, ``reset_mask``.
     - ``equality`` with ``SyncVectorEnv`` of the single environment in each of these modes: spaces, seeds of every kind,
       all observations, rewards and endings, and infos where their masks are True.
+
+    Environments that say of themselves, by ``spec.nondeterministic``, that no run repeats another one, as those of real
+    machines, are not asked for seeds, starts that depend on them, pickles, and equality.
 
     Actions are drawn at random. A check that is not possible is skipped, and the report says why; for example,
     restarts need episodes that end within ``steps``. Clock times in infos, as of Gymnasium's
@@ -185,13 +190,14 @@ class Checker:
         self.checks: list[VectorCheck] = []
         self.runs: dict[AutoresetMode, Run] = {}
         self.own: AutoresetMode | None = None
+        self.unrepeated = False
 
     def report(self) -> VectorReport:
         """Make all checks and return their outcomes."""
         title = "The vector environment"
         try:
             with self._made(None) as env:
-                title = shown(env)
+                title, self.unrepeated = shown(env), bool(getattr(env.spec, "nondeterministic", False))
                 if self._tried("contract", "attributes", partial(self._check_attributes, env)):
                     self.own = env.metadata["autoreset_mode"]
                     self._contract(env, self.own)
@@ -210,6 +216,9 @@ class Checker:
 
     def _tried(self, level: str, name: str, check: Callable[[], str | None]) -> bool:
         """Make a check and note its outcome; return True if it passed. An error of the environment is a failure."""
+        if self.unrepeated and (name in OF_REPEATS or level == "equality"):
+            self._note(level, name, "skipped", "its spec is nondeterministic: no run repeats another one")
+            return False
         try:
             self._note(level, name, "passed", check() or "")
             return True

@@ -15,8 +15,8 @@ EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("[0-9][0-9]_*.py
 FOREIGN = ("11_train_swing_up", "17_fit_by_gradient", "18_swing_up_by_gradient", "19_swing_up_with_least_work")
 """Run by test_foreign.py and tests/jax, in environments that have what they need."""
 MANY = ("09_fit_a_recording", "10_thousands_at_once", "12_does_the_policy_exploit_the_integrator", "13_driven_bench",
-        "14_posterior", "15_own_task", "16_sim_to_real", "21_film_to_fit")
-"""Too many steps to be interpreted, or pixels to be drawn."""
+        "14_posterior", "15_own_task", "16_sim_to_real", "21_film_to_fit", "22_bench_circle")
+"""Too many steps to be interpreted, pixels to be drawn, or in real time."""
 ALONE = [path for path in EXAMPLES if path.stem not in FOREIGN]
 
 

@@ -38,7 +38,8 @@ HOUSE: dict[str, tuple[str, ...]] = {
     "pendulum_env.window": PICTURES,
     "pendulum_env.lab": RUNS,
     "pendulum_env.envs": (*PICTURES, "pendulum_env.auto", "pendulum_env.window"),
-    "pendulum_env.bench": (*BASE, *(f"pendulum_env.{room}" for room in ("engine", "lab", "web", "exercise"))),
+    "pendulum_env.bench": (*BASE, *(f"pendulum_env.{room}" for room in (
+        "engine", "lab", "web", "exercise", "tasks", "envs", "controllers"))),
     "pendulum_env.study": (*PICTURES, "pendulum_env.controllers", "pendulum_env.lab", "pendulum_env.plots",
                            "pendulum_env.bench"),
     "pendulum_env.hard_cases": (*RUNS, "pendulum_env.plots"),

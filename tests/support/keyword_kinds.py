@@ -15,6 +15,8 @@ from typing import Any
 import numpy as np
 
 from pendulum_env import Run, Scene, Sensor, VirtualSensor
+from pendulum_env.bench.device import VirtualBoard
+from pendulum_env.bench.environment import BenchSettings
 from pendulum_env.common.checks import boolean, number, one_of, whole_number
 from pendulum_env.envs.settings import VectorSettings
 from pendulum_env.physics.bodies import BODIES
@@ -84,7 +86,9 @@ def declared(entry: Field[Any]) -> str:
 
 DECLARED: Mapping[str, str] = {
     entry.name: declared(entry)
-    for kind in (VectorSettings, *EFFECTS.values(), *BODIES.values(), Medium, Run, Scene, Sensor, VirtualSensor)
+    for kind in (
+        VectorSettings, BenchSettings, VirtualBoard, *EFFECTS.values(), *BODIES.values(), Medium, Run, Scene, Sensor,
+        VirtualSensor)
     for entry in fields(kind)
     if getattr(check := entry.metadata.get("check"), "func", check) in (number, whole_number, one_of, boolean)
 }
@@ -119,7 +123,7 @@ KIND_OF: Mapping[str, str] = DECLARED | {
         "tolerance": "tolerance", "accuracy": "accuracy", "seed": "seed",
         "share": "control",
         "line": "name",
-        "file": "file path folder", "text": "source", "numbers": "q v time", "factor": "scale",
+        "file": "file path folder log", "text": "source", "numbers": "q v time", "factor": "scale",
     }.items()
     for name in names.split()
 }
@@ -138,7 +142,8 @@ OWN: Mapping[str, str] = {
     **{f"{name}.save.path": "npy" for name in ("Recording", "Sweep", "lab.DrivenLog")},
     "bench.acquire.source": "none of these", "bench.acquire.duration": "accuracy", "bench.acquire.out": "file",
     "bench.acquire.force": "flag", "bench.acquire.sign": "count or endless", "bench.acquire.zero": "flag",
-    "bench.acquire.progress": "progress",
+    "bench.acquire.progress": "progress", "bench.LabPendulumBenchEnv.device": "none of these",
+    "bench.LabPendulumBenchEnv.confirm": "progress",
     "rollout.angle": "numbers", "rollout.velocity": "numbers",
     "LabPendulumVectorEnv.render_tiles.count": "count", "LabPendulumVectorEnv.render_tiles.columns": "count",
     "Scene.of_kind.kind": "word", "sweep.name": "text",

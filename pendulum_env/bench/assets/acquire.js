@@ -120,7 +120,7 @@ function fill() {
   byId("beside").setAttribute("aria-pressed", String(state.beside.shown));
   put("beside", state.beside.shown ? "Leave it out" : "Draw it");
   const { beside } = desk.curves;
-  put("beside-said", !state.beside.shown ? "It starts from the swing's own release." : state.beside.problem || (beside.t.length
+  put("beside-said", state.beside.twin ? "The twin: the scene under the same actions as the bench, from the same start." : !state.beside.shown ? "It starts from the swing's own release." : state.beside.problem || (beside.t.length
     ? `Released at ${seconds(beside.release)} from ${reading(beside.start)}, steps of ${beside.dt} s.` : state.run ? "It begins after the first half swing." : "It begins with the run."));
 }
 
@@ -715,6 +715,8 @@ function begin() {
     byId("scene").value = desk.state.beside.scene;
     chooseScene();
     byId("method").value = desk.state.beside.integrator;
+    if (desk.state.beside.twin) byId("second").value = "residual";
+    for (const id of ["scene", "method", "step", "length"]) byId(id).disabled = desk.state.beside.twin;
   }, 50);
   requestAnimationFrame(frame);
 }

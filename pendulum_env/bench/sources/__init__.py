@@ -7,6 +7,7 @@ import re
 from collections.abc import Mapping
 
 from pendulum_env.bench.source import Source, SourceError
+from pendulum_env.bench.sources.bench import Bench
 from pendulum_env.bench.sources.nidaq import Nidaq
 from pendulum_env.bench.sources.pasco import Pasco
 from pendulum_env.bench.sources.phyphox import Phyphox
@@ -19,7 +20,7 @@ from pendulum_env.bench.sources.virtual import Virtual
 from pendulum_env.physics.units import nearest, shown
 
 SOURCES: Mapping[str, type[Source]] = {kind.name: kind for kind in (
-    Virtual, Replay, SerialPort, Phyphox, Vernier, Pasco, Nidaq, Udp, Stdin,
+    Virtual, Replay, SerialPort, Phyphox, Vernier, Pasco, Nidaq, Udp, Stdin, Bench,
 )}
 """Name -> class of a source."""
 
