@@ -33,8 +33,8 @@ SENSITIVE = {("gymnasium", "verner6"): 5e-11}
 """Scene and method -> bound, where a change of the start by its last digit alone moves the end by 1e-11."""
 
 
-@pytest.fixture(autouse=True)
-def _forgetting() -> Iterator[None]:
+@pytest.fixture
+def forgetting() -> Iterator[None]:
     """Compiled programs of many methods would fill the memory."""
     yield
     jax.clear_caches()
@@ -58,6 +58,7 @@ OTHERS = [pair for pair in dict.fromkeys(pairs()) if pair not in PAIRS]
 """The other methods, whose programs differ from those of PAIRS by numbers alone: their first steps, not compiled."""
 
 
+@pytest.mark.usefixtures("forgetting")
 @pytest.mark.parametrize(("scene", "method"), PAIRS)
 def test_values_are_those_of_the_run_in_floats(scene: str, method: str) -> None:
     compare(scene, method, STEPS)
@@ -94,6 +95,7 @@ def calm(scene: Scene) -> Scene:
     return scene.with_effects(effect for effect in scene.effects if not effect.draws)
 
 
+@pytest.mark.usefixtures("forgetting")
 @pytest.mark.parametrize(("scene", "method"), KINDS)
 def test_derivatives_are_those_of_forty_digits(scene: str, method: str) -> None:
     """By angle, velocity, step, every action and every parameter, of angle, velocity, work and heat after 8 steps."""
