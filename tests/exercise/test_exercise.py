@@ -141,7 +141,7 @@ def recorded_swing(rng: np.random.Generator, sign: float) -> tuple[Recording, fl
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("number", "low", "high"), [(4, 0.3, 1.7), (200, 0.9, 1.1)])
+@pytest.mark.parametrize(("number", "low", "high"), [(4, 0.3, 1.7), (100, 0.86, 1.14)])
 def test_omega_of_a_recording_is_right_within_its_error(number: int, low: float, high: float) -> None:
     """Released to either side in turn. The error is neither too small nor too large; and ``measure`` quotes the same
     period.

@@ -10,6 +10,7 @@ import re
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import fields
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -148,14 +149,28 @@ def test_an_error_estimate_holds_at_the_end_of_a_run_and_in_a_batch() -> None:
 # --- derivatives of second order --------------------------------------------------------------------------------------
 
 
+def ended(angle: Any, length: Any, method: str = "rk4", scene: str = "lab") -> Any:
+    run = twin.rollout(scene, integrator=method, angle=angle, velocity=0.7, dt=0.25, steps=3, length=length)
+    return run.angle[-1] + run.heat[-1]
+
+
 @pytest.mark.parametrize("method", [
     "rk4", "velocity_verlet", "implicit_midpoint", "gauss4", "ab4", "pefrl"])
-def test_second_derivatives_are_those_of_differences(method: str) -> None:
-    def result(angle: Any, length: Any) -> Any:
-        run = twin.rollout("lab", integrator=method, angle=angle, velocity=0.7, dt=0.25, steps=3, length=length)
-        return run.angle[-1] + run.heat[-1]
+def test_second_derivatives_are_differences_of_first_ones(method: str) -> None:
+    def result(values: Any) -> Any:
+        return ended(*values, method)
 
-    check_grads(jax.jit(result), (jnp.array(0.6), jnp.array(0.4)), order=2, atol=1e-5, rtol=1e-5)
+    both = jax.jit(lambda values: (jax.grad(result)(values), jax.hessian(result)(values)))
+    place, d = jnp.array([0.6, 0.4]), 1e-5
+    for i, row in enumerate(both(place)[1]):
+        after, before = (both(place.at[i].add(sign * d))[0] for sign in (1.0, -1.0))
+        assert np.asarray(row) == pytest.approx(np.asarray((after - before) / (2.0 * d)), rel=1e-5, abs=1e-5)
+
+
+def test_forward_and_reverse_derivatives_combine_in_every_order() -> None:
+    """Each combination is a program of its own, so that one simple scene is enough beside the test above."""
+    check_grads(jax.jit(partial(ended, scene="exercise")), (jnp.array(0.6), jnp.array(0.4)), order=2, atol=1e-5,
+                rtol=1e-5)
 
 
 def test_a_division_that_is_not_chosen_leaves_the_derivative_alone() -> None:

@@ -26,15 +26,15 @@ from pendulum_env.engine.machine import fitting, numbers_of
 jax.config.update("jax_enable_x64", True)
 PLACES = {name: scene.with_effects(effect.smoothed(0.1) for effect in scene.effects) for name, scene in SCENES.items()}
 """All scenes, with dry friction smoothed over 0.1 rad/s."""
-STEPS, FEW = 200, 8
+STEPS, FEW, FIRST = 200, 8, 3
 NEAR = {"verner6": 1e-11, "verner8": 1e-12}
 """Method -> its bound on relative differences of values, where large coefficients of its table magnify rounding."""
 SENSITIVE = {("gymnasium", "verner6"): 5e-11}
 """Scene and method -> bound, where a change of the start by its last digit alone moves the end by 1e-11."""
 
 
-@pytest.fixture(autouse=True)
-def _forgetting() -> Iterator[None]:
+@pytest.fixture
+def forgetting() -> Iterator[None]:
     """Compiled programs of many methods would fill the memory."""
     yield
     jax.clear_caches()
@@ -48,23 +48,36 @@ def pairs() -> Iterator[tuple[str, str]]:
         yield name, chosen(fitting(scene), name)
 
 
-ALL = [(name, method) for name, scene in PLACES.items() for method in fitting(scene)]
-PAIRS = [*(ALL if FULL else dict.fromkeys(pairs())), ("lab", "taylor14")]
-"""Pairs for values; with LAB_PENDULUM_GRID=full, every scene with every method that fits."""
 KINDS = list(dict.fromkeys(
     [*((scene, method) for scene, method in pairs() if kind(method) == method), *list(pairs())[-len(PLACES):]]))
 """Pairs for derivatives: every kind of method, which are all methods with LAB_PENDULUM_GRID=full, and every scene."""
+ALL = [(name, method) for name, scene in PLACES.items() for method in fitting(scene)]
+PAIRS = [*(ALL if FULL else KINDS), ("lab", "taylor14")]
+"""Pairs for values; with LAB_PENDULUM_GRID=full, every scene with every method that fits."""
+OTHERS = [pair for pair in dict.fromkeys(pairs()) if pair not in PAIRS]
+"""The other methods, whose programs differ from those of PAIRS by numbers alone: their first steps, not compiled."""
 
 
+@pytest.mark.usefixtures("forgetting")
 @pytest.mark.parametrize(("scene", "method"), PAIRS)
 def test_values_are_those_of_the_run_in_floats(scene: str, method: str) -> None:
+    compare(scene, method, STEPS)
+
+
+@pytest.mark.parametrize(("scene", "method"), OTHERS)
+def test_values_of_the_first_steps_are_those_of_every_other_method(scene: str, method: str) -> None:
+    with jax.disable_jit():
+        compare(scene, method, FEW if integrators.get(method).memory_with(()) else FIRST)
+
+
+def compare(scene: str, method: str, steps: int) -> None:
     place = PLACES[scene]
     h = place.run.dt
     share = 0.3 if any(effect.controlled for effect in place.effects) else 0.0
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        run = rolled(place, integrator=method, dt=h, duration=STEPS * h, control=share)
-    ours = twin.rollout(place, integrator=method, dt=h, steps=STEPS, control=share)
+        run = rolled(place, integrator=method, dt=h, duration=steps * h, control=share)
+    ours = twin.rollout(place, integrator=method, dt=h, steps=steps, control=share)
     assert ours.dtype == "float64"
     assert ours.stop_reason == run.stop_reason
     taken, bound = len(run.angle), SENSITIVE.get((scene, method), NEAR.get(method, 1e-12))
@@ -82,6 +95,7 @@ def calm(scene: Scene) -> Scene:
     return scene.with_effects(effect for effect in scene.effects if not effect.draws)
 
 
+@pytest.mark.usefixtures("forgetting")
 @pytest.mark.parametrize(("scene", "method"), KINDS)
 def test_derivatives_are_those_of_forty_digits(scene: str, method: str) -> None:
     """By angle, velocity, step, every action and every parameter, of angle, velocity, work and heat after 8 steps."""

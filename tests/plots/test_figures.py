@@ -10,12 +10,14 @@ import importlib
 import inspect
 import io
 import json
+import os
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
+from unittest.mock import patch
 from xml.etree import ElementTree
 
 import matplotlib
@@ -133,7 +135,8 @@ def swing() -> Recording:
 
 @cache
 def fitted() -> Any:
-    return fit(swing(), "linear", mass=0.1)
+    with patch.dict(os.environ, {"LAB_PENDULUM_BACKEND": "compiled"}):  # a fit takes minutes interpreted
+        return fit(swing(), "linear", mass=0.1)
 
 
 @cache
@@ -362,7 +365,11 @@ def test_axes_of_work_have_two_powers_of_ten(low: float, high: float) -> None:
     (["fit", "--effects", "linear"], ["fit"]),
 ])
 @pytest.mark.slow
-def test_commands_write_svg_where_they_are_asked_to(words: list[str], stems: list[str], tmp_path: Path) -> None:
+def test_commands_write_svg_where_they_are_asked_to(
+    words: list[str], stems: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if words[0] == "fit":
+        monkeypatch.setenv("LAB_PENDULUM_BACKEND", "compiled")  # a fit takes minutes interpreted
     for more in ([], ["--svg"]) if words[0] == "stress" else (["--svg"],):
         folder = tmp_path / f"out{len(more)}"
         done = CliRunner().invoke(cli.app, [*words, *more, "--out", str(folder)])

@@ -29,6 +29,8 @@ STUDIES = (
     "audit", "simplify", "compare", "compare.write", "cost", "growth", "choose", "stress", "fit", "lab.fit_driven")
 
 
+FITS = ("fit", "lab.fit_driven")
+"""Functions of so many runs that they take minutes interpreted."""
 LABELS = [pytest.param(label, marks=[pytest.mark.slow] if label in STUDIES or label.startswith("exact.") else [])
           for label in dict.fromkeys(label for label, _ in PAIRS)]
 """All functions with keywords; slow are studies and closed forms."""
@@ -88,8 +90,12 @@ def test_every_keyword_is_covered() -> None:
 
 
 @pytest.mark.parametrize("label", LABELS)
-def test_what_cannot_be_is_refused_in_one_sentence(label: str, folder: Path) -> None:
+def test_what_cannot_be_is_refused_in_one_sentence(
+    label: str, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     function = PUBLIC[label]
+    if label in FITS:
+        monkeypatch.setenv("LAB_PENDULUM_BACKEND", "compiled")
 
     def check(keyword: inspect.Parameter) -> None:
         fine, either = KINDS[kind_of(label, keyword.name)]
