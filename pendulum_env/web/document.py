@@ -42,7 +42,9 @@ from pendulum_env.web.links import LONGEST, MOST_PENDULUMS, NUMBER_FORM, SHORTES
 
 ASSETS = Path(__file__).with_name("assets")
 """Folder of the page's layout, styles and scripts."""
-SCRIPTS = ("machine.js", "elements.js", "drawing.js", "plots.js", "recording.js", "lab.js")
+TEXTS = Path(__file__).with_name("texts")
+"""Folder of the page's other languages: a file each, from the English of scripts and layout to that language."""
+SCRIPTS = ("machine.js", "elements.js", "languages.js", "drawing.js", "plots.js", "recording.js", "lab.js")
 """Scripts of the page, in the order in which they stand in it."""
 SHOWN_SCENES = ("exercise", "exercise_large", "lab", "vacuum", "driven", "chaotic", "kapitza")
 """Scenes of the page, unless others are asked for."""
@@ -126,6 +128,7 @@ def page(
         "number": NUMBER_FORM, "shortest": SHORTEST, "longest": LONGEST,
         "stops": {code: DESCRIBED.get(name, name) for code, name in STOP_REASONS.items()},
         "first": [name for name in FIRST if name in {method.name for method in methods}] or [methods[0].name],
+        "texts": {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in sorted(TEXTS.glob("*.json"))},
         "recording": None if recording is None else readings(recording),
         "check": {"torques": TORQUES, "steps": STEPS},
     }

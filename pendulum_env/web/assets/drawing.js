@@ -242,5 +242,5 @@ function joules(value) {
   const scaled = value * factor;
   const text = Math.abs(scaled) >= 1e4 || (scaled && Math.abs(scaled) < 1e-2) ? scaled.toExponential(1)
     : scaled.toPrecision(3);
-  return `${text.replaceAll("-", "−")} ${unit}`;
+  return `${local(text.replaceAll("-", "−"))} ${unit}`;
 }

@@ -10,7 +10,7 @@ const SMALL = 20; // largest start angle at which nothing is said of small angle
 
 const lab = {
   scene: Object.keys(PAGE.scenes)[0], lanes: [], chosen: -1, playing: true, speed: 1, time: 0, torque: 0, reach: 0.2,
-  shown: { trail: true, velocity: false, acceleration: false }, watch: null, secret: false, recording: PAGE.recording,
+  shown: { trail: true, velocity: false, acceleration: false }, watch: null, secret: false, recording: PAGE.recording, checked: null,
   pushed: false, drawn: 0,
 };
 
@@ -35,7 +35,7 @@ class History {
   range(column, factor) {
     let low = Infinity, high = -Infinity;
     for (const row of this.rows) [low, high] = [Math.min(low, row[column]), Math.max(high, row[column])];
-    return `from ${(factor * low).toPrecision(3)} to ${(factor * high).toPrecision(3)}`.replaceAll("-", "−");
+    return t("from {} to {}", (factor * low).toPrecision(3), (factor * high).toPrecision(3)).replaceAll("-", "−");
   }
 }
 
@@ -80,7 +80,7 @@ class Lane {
   }
 
   get name() {
-    return PAGE.methods[this.method].title;
+    return t(PAGE.methods[this.method].title);
   }
 
   /** The displacement of the pivot by a drive, "horizontal" or "vertical", over the length. */
@@ -165,7 +165,7 @@ class Lane {
 
   end(code) {
     const info = this.machine.last;
-    this.ended = `${this.name} stopped at ${info.time.toFixed(2)} s: ${PAGE.stops[code] ?? "its numbers are no longer finite"}.`;
+    this.ended = t("{} stopped at {} s: {}.", this.name, info.time.toFixed(2), t(PAGE.stops[code] ?? "its numbers are no longer finite"));
     byId("message").textContent = lab.lanes.map((lane) => lane.ended).filter(Boolean).join(" ");
   }
 }
@@ -205,13 +205,13 @@ function restart() {
   const recorded = lab.recording ? lab.recording[1][0] : NaN; // the first reading; 0 of a sensor that is zeroed at its start
   const apart = recorded !== 0 && starts.some((degrees) => Math.abs(recorded - degrees)
     > 0.1 * Math.max(Math.abs(recorded), Math.abs(degrees)));
-  say([small ? "This scene's force grows with the angle itself, which is right for small angles only." : "",
-    apart ? `The recording begins at ${short6(recorded)}°: type it as the start angle to compare.` : ""].filter(Boolean).join(" "));
+  say([small ? t("This scene's force grows with the angle itself, which is right for small angles only.") : "",
+    apart ? t("The recording begins at {}°: type it as the start angle to compare.", short6(recorded)) : ""].filter(Boolean).join(" "));
   lab.reach = 0.2; // the largest angle of any pendulum so far, at least so much [rad]; the picture has room for it
   for (const lane of lab.lanes) lane.start();
   const longest = Math.max(...lab.lanes.map((lane) => lane.length)); // parts of a rigid body are drawn as they are
   for (const lane of lab.lanes) lane.share = lane.outline.length || !(longest > 0) ? 1 : lane.length / longest;
-  if (lab.watch) lab.watch = null, byId("watch").textContent = "Stopwatch";
+  if (lab.watch) lab.watch = null, byId("watch").textContent = t("Stopwatch");
   show();
 }
 
@@ -252,7 +252,7 @@ function singleStep() {
 
 function play(wanted) {
   lab.playing = wanted;
-  byId("play").textContent = wanted ? "Pause" : "Play";
+  byId("play").textContent = wanted ? t("Pause") : t("Play");
   if (!wanted) describe();
 }
 
@@ -262,7 +262,7 @@ function push(torque) {
   lab.pushed ||= lab.time > 0;
   lab.torque = torque;
   byId("torque").value = String(torque);
-  byId("torque").setAttribute("aria-valuetext", `${short6(100 * torque)} % of the largest torque`);
+  byId("torque").setAttribute("aria-valuetext", t("{} % of the largest torque", short6(100 * torque)));
 }
 
 /** Let go of a key that pushes: also when the key is released in another window, or in a field. */
@@ -298,7 +298,7 @@ function show(now) {
     if (now === undefined || i % TURNS === lab.drawn % TURNS) fillLedger(lane, LEDGERS[i]);
   }
   if (lab.watch) byId("watch").textContent = watchText();
-  byId("clock").textContent = `${(Math.floor(100 * lab.time + 1e-6) / 100).toFixed(2)} s${lab.late ? ", slower than asked" : ""}`;
+  byId("clock").textContent = `${local((Math.floor(100 * lab.time + 1e-6) / 100).toFixed(2))} s${lab.late ? t(", slower than asked") : ""}`;
   PLOTS.forEach((name, i) => {
     if (now === undefined || i % TURNS === lab.drawn % TURNS) PLOTTED[name](colour);
   });
@@ -309,7 +309,7 @@ function show(now) {
 /** A share in percent, with its sign, as text. */
 function percent(share) {
   const size = Math.abs(share);
-  return `${share > 0 ? "+" : "−"}${size < 1e6 ? Number(size.toPrecision(3)) : size.toExponential(1)} %`;
+  return local(`${share > 0 ? "+" : "−"}${size < 1e6 ? Number(size.toPrecision(3)) : size.toExponential(1)} %`);
 }
 
 /** Write the energies of a pendulum, what its method added to them, and its period. */
@@ -317,37 +317,37 @@ function fillLedger(lane, places) {
   const { heat, work, residual } = lane.energies, share = (100 * residual) / lane.reference;
   const texts = { kinetic: joules(lane.energies.kinetic), potential: joules(lane.energies.potential), heat: joules(heat), work: joules(work),
     error: `${residual > 0 ? "+" : ""}${joules(residual)}${Math.abs(share) >= 0.01 ? ` (${percent(share)})` : ""}`,
-    period: Number.isFinite(lane.swing) ? `${lane.swing.toPrecision(5)} s` : "–" };
+    period: Number.isFinite(lane.swing) ? local(`${lane.swing.toPrecision(5)} s`) : "–" };
   for (const [name, place] of Object.entries(places)) if (place.textContent !== texts[name]) place.textContent = texts[name];
 }
 
 /** The stopwatch: the time since it was started, or at which it was stopped [s of the pendulums]. */
 function watchText() {
   const { from, to } = lab.watch;
-  return `${((to ?? lab.time) - from).toFixed(2)} s`;
+  return local(`${((to ?? lab.time) - from).toFixed(2)} s`);
 }
 
 /** One pendulum now, in words. */
 function words(lane) {
   const { angle, velocity, energy_residual: lost } = lane.machine.last;
   const share = (100 * lost) / lane.reference;
-  const degrees = Math.abs(angle) < 100 ? (angle * DEGREES).toPrecision(3) : Math.round(angle * DEGREES);
-  return `${lane.name}, step ${lane.dt} s: ${degrees}°, ${velocity.toPrecision(3)} rad/s, energy ${
-    Math.abs(share) < 1e-6 ? "kept" : percent(share)}${lane.ended ? ", stopped" : ""}`.replaceAll("-", "−");
+  const [degrees, speed] = [angle * DEGREES, velocity].map((value) => value.toPrecision(3).replace("-", "−"));
+  return t("{}, step {} s: {}°, {} rad/s, energy {}{}", lane.name, lane.dt, degrees, speed,
+    Math.abs(share) < 1e-6 ? t("kept") : percent(share), lane.ended ? t(", stopped") : "");
 }
 
 /** Say what each canvas shows now, for people who do not see it. */
 function label() {
   lab.lanes.forEach((lane, i) => LANE_PICTURES[i].setAttribute("aria-label", words(lane)));
   const angles = lab.lanes.map((lane) => `${lane.name} ${lane.history.range(1, DEGREES)}°`).join(", ");
-  byId("plot-angle").setAttribute("aria-label", `${CAPTIONS.angle}; until ${lab.time.toFixed(1)} s: ${angles}`);
+  byId("plot-angle").setAttribute("aria-label", `${t(CAPTIONS.angle)}; ${t("until {} s", lab.time.toFixed(1))}: ${angles}`);
   const losses = lab.lanes.map((lane) => `${lane.name} ${short6(Number((lane.energies.residual / lane.reference).toPrecision(2)))}`);
-  byId("plot-error").setAttribute("aria-label", `${CAPTIONS.error}; now: ${losses.join(", ")}`);
+  byId("plot-error").setAttribute("aria-label", `${t(CAPTIONS.error)}; ${t("now")}: ${losses.join(", ")}`);
 }
 
 /** Tell a person who listens how the pendulums move: whenever they pause. */
 function describe() {
-  byId("spoken").textContent = `At ${lab.time.toFixed(2)} s: ${lab.lanes.map(words).join(". ")}.`;
+  byId("spoken").textContent = `${t("At {} s", lab.time.toFixed(2))}: ${lab.lanes.map(words).join(". ")}.`;
 }
 
 /** The numbers of the pendulums whose accurate solutions are drawn: of those alike the one with the shortest step. */
@@ -393,7 +393,7 @@ function drawLogarithm(name, ylabel, quantity, colour) {
   const { time, rows } = recent();
   const curves = lab.lanes.map((lane, i) => ({ colour: lane.colour,
     points: rows[i].map((row) => [row[0], logarithm(quantity(row, lane))]) }));
-  drawPlot(byId(`plot-${name}`), { x: time, y: decades(curves), log: true, xlabel: "time [s]", ylabel, curves }, colour);
+  drawPlot(byId(`plot-${name}`), { x: time, y: decades(curves), log: true, xlabel: t("time [s]"), ylabel, curves }, colour);
 }
 
 const PLOTTED = {
@@ -407,7 +407,7 @@ const PLOTTED = {
         ([t]) => t >= time[0] && t <= time[1]) });
     }
     lab.lanes.forEach((lane, i) => curves.push({ colour: lane.colour, points: rows[i].map((row) => [row[0], row[1] * DEGREES]) }));
-    drawPlot(byId("plot-angle"), { x: time, y: around(valuesOf(curves), 1), xlabel: "time [s]", ylabel: "angle [°]", curves },
+    drawPlot(byId("plot-angle"), { x: time, y: around(valuesOf(curves), 1), xlabel: t("time [s]"), ylabel: t("angle [°]"), curves },
       colour);
   },
   energy(colour) {
@@ -416,25 +416,25 @@ const PLOTTED = {
     const parts = [["kinetic", (row) => row[7]], ["potential", (row) => row[3] - row[7]]];
     const curves = parts.map(([name, of]) => ({ colour: colour(`energy-${name}`), dash: [5, 3], width: 1, points: rows[at].map((row) => [row[0], factor * of(row)]) }));
     lab.lanes.forEach((lane, i) => curves.push({ colour: lane.colour, width: 2, points: rows[i].map((row) => [row[0], factor * row[3]]) }));
-    drawPlot(byId("plot-energy"), { x: time, y: around([0, ...valuesOf(curves)], 1e-12), xlabel: "time [s]", ylabel: `energy [${unit}]`,
+    drawPlot(byId("plot-energy"), { x: time, y: around([0, ...valuesOf(curves)], 1e-12), xlabel: t("time [s]"), ylabel: `${t("energy")} [${unit}]`,
       curves }, colour);
   },
   error(colour) {
     const { time, rows } = recent();
     const curves = lab.lanes.flatMap((lane, i) => [1, -1].map((sign) => ({ colour: lane.colour, dash: sign < 0 ? [4, 3] : [],
       points: rows[i].map((row) => [row[0], sign * row[4] > 0 ? logarithm(row[4] / lane.reference) : NaN]) })));
-    drawPlot(byId("plot-error"), { x: time, y: decades(curves), log: true, xlabel: "time [s]", ylabel: "relative error", curves }, colour);
+    drawPlot(byId("plot-error"), { x: time, y: decades(curves), log: true, xlabel: t("time [s]"), ylabel: t("relative error"), curves }, colour);
   },
   free(colour) {
     const [x, y] = ["x", "y"].map((axis) => QUANTITIES[byId(`free-${axis}`).value]);
     const curves = lab.lanes.map((lane) => ({ colour: lane.colour,
       points: lane.history.rows.slice(-1200).map((row) => [x.of(row, lane), y.of(row, lane)]) }));
-    drawPlot(byId("plot-free"), { x: around(valuesOf(curves, 0), 1e-9), y: around(valuesOf(curves), 1e-9), xlabel: x.label,
-      ylabel: y.label, curves }, colour);
+    drawPlot(byId("plot-free"), { x: around(valuesOf(curves, 0), 1e-9), y: around(valuesOf(curves), 1e-9), xlabel: t(x.label),
+      ylabel: t(y.label), curves }, colour);
   },
   phase,
   distance(colour) {
-    drawLogarithm("distance", "distance [°]", (row) => Math.abs(row[1] - row[5]) * DEGREES, colour);
+    drawLogarithm("distance", t("distance [°]"), (row) => Math.abs(row[1] - row[5]) * DEGREES, colour);
   },
   section(colour) {
     const driven = lab.lanes.some((lane) => Number.isFinite(lane.period));
@@ -444,8 +444,8 @@ const PLOTTED = {
     const top = all.filter(([angle]) => Math.abs(angle) > 90).length > 0.5 * all.length; // then about the top
     const curves = lab.lanes.map((lane) => ({ colour: lane.colour, dots: true,
       points: lane.section.map(([angle, v]) => [top && angle < 0 ? angle + 360 : angle, v]) }));
-    drawPlot(byId("plot-section"), { x: top ? [0, 360] : [-180, 180], y: around(valuesOf(curves), 0.1), xlabel: "angle [°]",
-      ylabel: "velocity [rad/s]", curves }, colour);
+    drawPlot(byId("plot-section"), { x: top ? [0, 360] : [-180, 180], y: around(valuesOf(curves), 0.1), xlabel: t("angle [°]"),
+      ylabel: t("velocity [rad/s]"), curves }, colour);
   },
 };
 
@@ -485,12 +485,12 @@ function phase(colour) {
       edge.push([NaN, NaN]);
     }
   }
-  const caption = `${CAPTIONS.phase}${edge.length ? ", the separatrix dashed" : ""}`;
+  const caption = `${t(CAPTIONS.phase)}${edge.length ? t(", the separatrix dashed") : ""}`;
   byId("plot-phase").parentElement.firstChild.textContent = caption;
   const dots = lab.lanes.map((lane, i) => ({ colour: lane.colour, dots: true, width: 5, points: [
     [place(lane.machine.last.angle, i) * DEGREES, lane.machine.last.velocity]] }));
   lab.phaseRange = x;
-  drawPlot(byId("plot-phase"), { x, y, xlabel: "angle [°]", ylabel: "velocity [rad/s]", curves: [...ghosts,
+  drawPlot(byId("plot-phase"), { x, y, xlabel: t("angle [°]"), ylabel: t("velocity [rad/s]"), curves: [...ghosts,
     { colour: colour("ink"), dash: [5, 4], width: 1, points: edge }, ...curves, ...dots] }, colour);
 }
 
@@ -559,7 +559,7 @@ function makeControls() {
   const place = PAGE.scenes[lab.scene];
   if (lab.chosen >= lab.lanes.length || lab.lanes.length < 2) lab.chosen = -1;
   byId("scene").value = lab.scene;
-  byId("about").textContent = place.about;
+  byId("about").textContent = t(place.about);
   byId("equation").innerHTML = place.equation;
   byId("torque-label").hidden = !place.motor;
   const groups = { "body-settings": [], "damping-settings": [], "drive-settings": [] };
@@ -570,8 +570,8 @@ function makeControls() {
   });
   for (const [id, controls] of Object.entries(groups)) {
     byId(id).replaceChildren(...(controls.length || id === "body-settings" ? controls
-      : [element("p", { className: "hint", textContent: id === "damping-settings" ? "Nothing: no energy is lost."
-        : place.motor ? "" : "Nothing." })]));
+      : [element("p", { className: "hint", textContent: id === "damping-settings" ? t("Nothing: no energy is lost.")
+        : place.motor ? "" : t("Nothing.") })]));
   }
   byId("whose").replaceChildren(...(lab.lanes.length < 2 ? [] : ["all", ...lab.lanes.map((_, i) => String(i + 1))]).map(whoseButton));
   byId("add").disabled = lab.lanes.length >= PAGE.most;
@@ -598,8 +598,8 @@ function hueOf(lane) {
 
 /** A button that says whose numbers the controls show and change: those of all pendulums, or of one. */
 function whoseButton(name, i) {
-  const made = element("button", { type: "button", id: `whose-${name}`, textContent: name === "all" ? "All" : name,
-    "aria-pressed": String(lab.chosen === i - 1), "aria-label": name === "all" ? "numbers of all pendulums" : `numbers of pendulum ${name}` });
+  const made = element("button", { type: "button", id: `whose-${name}`, textContent: name === "all" ? t("All") : name,
+    "aria-pressed": String(lab.chosen === i - 1), "aria-label": name === "all" ? t("numbers of all pendulums") : t("numbers of pendulum {}", name) });
   made.addEventListener("click", () => {
     lab.chosen = i - 1;
     rebuildControls();
@@ -617,42 +617,43 @@ function fill() {
   byId("velocity").value = String(lead().velocity);
   const apart = lab.chosen < 0 && lab.lanes.some((lane) => !alike(lane, lab.lanes[0]));
   byId("whose-hint").textContent = lab.lanes.length < 2 ? "" : apart
-    ? "The pendulums differ; shown are the numbers of pendulum 1, and a change is for all."
-    : lab.chosen < 0 ? "A change is for all pendulums." : `A change is for pendulum ${lab.chosen + 1} alone.`;
+    ? t("The pendulums differ; shown are the numbers of pendulum 1, and a change is for all.")
+    : lab.chosen < 0 ? t("A change is for all pendulums.") : t("A change is for pendulum {} alone.", lab.chosen + 1);
   lab.lanes.forEach((lane, i) => { LANE_PICTURES[i].parentElement.querySelector("small").textContent = described(lane); });
 }
 
 /** Step and, where the pendulums differ, the numbers and the start of one. */
 function described(lane) {
-  const { settings } = PAGE.scenes[lab.scene], parts = [`step ${lane.dt} s`];
+  const { settings } = PAGE.scenes[lab.scene], parts = [t("step {} s", lane.dt)];
   settings.forEach((setting, i) => {
     if (lab.lanes.some((other) => other.values[i] !== lane.values[i]) && !(lab.secret && setting.name === "gravity")) {
-      parts.push(`${setting.label} ${short6(lane.values[i])}${setting.unit === "1" ? "" : ` ${setting.unit}`}`);
+      parts.push(`${t(setting.label)} ${short6(lane.values[i])}${setting.unit === "1" ? "" : ` ${setting.unit}`}`);
     }
   });
-  if (lab.lanes.some((other) => other.angle !== lane.angle)) parts.push(`from ${short6(lane.angle * DEGREES)}°`);
-  if (lab.lanes.some((other) => other.velocity !== lane.velocity)) parts.push(`from ${short6(lane.velocity)} rad/s`);
+  if (lab.lanes.some((other) => other.angle !== lane.angle)) parts.push(t("from {}°", short6(lane.angle * DEGREES)));
+  if (lab.lanes.some((other) => other.velocity !== lane.velocity)) parts.push(t("from {} rad/s", short6(lane.velocity)));
   return parts.join(", ");
 }
 
 /** A number with six digits, as Python's format ".6g" writes it. */
 function short6(value) {
-  return String(Number(value.toPrecision(6))).replace("-", "−");
+  return local(String(Number(value.toPrecision(6))).replace("-", "−"));
 }
 
 function settingControl(setting, i) {
   const id = `setting-${i}`, usual = setting.value;
   const box = element("input", { type: "number", step: "any", inputmode: "decimal", id, value: String(lead().values[i]) });
   const slider = element("input", { type: "range", min: "-1", max: "1", step: "0.01", id: `${id}-slider`,
-    "aria-label": `${setting.label}, slider`, "aria-valuetext": `${lead().values[i]}${setting.unit === "1" ? "" : ` ${setting.unit}`}` });
+    "aria-label": t("{}, slider", t(setting.label)), "aria-valuetext": `${lead().values[i]}${setting.unit === "1" ? "" : ` ${setting.unit}`}` });
   slider.value = String(usual > 0 && lead().values[i] > 0 ? Math.log(lead().values[i] / usual) / Math.log(5) : 0);
   const unit = setting.unit === "1" ? "" : ` [${setting.unit}]`;
-  const label = element("label", { htmlFor: id, title: setting.about },
-    `${setting.effect ? `${setting.effect}: ` : ""}${setting.label}${unit}`);
+  const label = element("label", { htmlFor: id, title: t(setting.about) },
+    `${setting.effect ? `${t(setting.effect)}: ` : ""}${t(setting.label)}${unit}`);
   const take = (value) => {
     const least = setting.least;
     if (!Number.isFinite(value) || (least !== null && (setting.exclusive ? value <= least : value < least))) {
-      say(`${setting.label} must be a number${least === null ? "" : ` ${setting.exclusive ? "above" : "of at least"} ${least}`}.`);
+      say(least === null ? t("{} must be a number.", t(setting.label)) : setting.exclusive ? t("{} must be a number above {}.", t(setting.label), least)
+        : t("{} must be a number of at least {}.", t(setting.label), least));
       box.value = String(lead().values[i]);
       return;
     }
@@ -666,9 +667,9 @@ function settingControl(setting, i) {
   slider.addEventListener("input", () => take(Number((usual * 5 ** Number(slider.value)).toPrecision(4))));
   const secret = setting.name === "gravity" && lab.secret;
   if (secret) [box.value, box.placeholder, slider.disabled] = ["", "?", true];
-  const planets = setting.name !== "gravity" ? [] : [element("div", { className: "row planets", role: "group", "aria-label": "gravity of" },
+  const planets = setting.name !== "gravity" ? [] : [element("div", { className: "row planets", role: "group", "aria-label": t("gravity of") },
     ...Object.entries(PLANETS).map(([name, value]) => {
-      const made = element("button", { type: "button", id: `planet-${name}`, textContent: name });
+      const made = element("button", { type: "button", id: `planet-${name}`, textContent: t(name) });
       made.addEventListener("click", () => {
         lab.secret = false;
         take(value);
@@ -681,7 +682,7 @@ function settingControl(setting, i) {
 
 /** A button that lands on a planet whose gravity is not told until it is asked for. */
 function secretButton(take) {
-  const made = element("button", { type: "button", id: "planet-x", textContent: lab.secret ? "Show X" : "Planet X" });
+  const made = element("button", { type: "button", id: "planet-x", textContent: lab.secret ? t("Show X") : t("Planet X") });
   made.addEventListener("click", () => {
     lab.secret = !lab.secret;
     if (lab.secret) take(Number((1.5 * 20 ** Math.random()).toPrecision(3)));
@@ -734,7 +735,7 @@ function lanePicture(lane) {
   const values = names.map(() => element("dd"));
   LEDGERS.push(Object.fromEntries(names.map((name, i) => [name, values[i]])));
   return element("figure", {}, caption, canvas, element("dl", { className: "ledger" }, ...names.map((name, i) => element("div", {},
-    element("dt", { className: name, textContent: name }), values[i]))));
+    element("dt", { className: name, textContent: t(name) }), values[i]))));
 }
 
 /** The largest stable step of a method in small swings [s]; null for none. */
@@ -744,8 +745,8 @@ function limitOf(lane) {
 }
 
 function laneControl(lane, i) {
-  const choose = element("select", { id: `method-${i}`, "aria-label": `method of pendulum ${i + 1}` }, ...PAGE.scenes[lab.scene].shown.map(
-    (name) => element("option", { value: name, textContent: `${PAGE.methods[name].title} (order ${PAGE.methods[name].order})` })));
+  const choose = element("select", { id: `method-${i}`, "aria-label": t("method of pendulum {}", i + 1) }, ...PAGE.scenes[lab.scene].shown.map(
+    (name) => element("option", { value: name, textContent: t("{} (order {})", t(PAGE.methods[name].title), t(PAGE.methods[name].order)) })));
   choose.value = lane.method;
   choose.addEventListener("change", () => {
     lane.method = choose.value;
@@ -753,12 +754,12 @@ function laneControl(lane, i) {
   });
   const place = (dt) => Math.log(dt / LEAST_STEP) / Math.log(MOST_STEP / LEAST_STEP);
   const slider = element("input", { type: "range", min: "0", max: "1", step: "0.001", value: String(place(lane.dt)),
-    id: `step-${i}-slider`, "aria-label": `step of pendulum ${i + 1}, slider`, "aria-valuetext": `${lane.dt} s` });
+    id: `step-${i}-slider`, "aria-label": t("step of pendulum {}, slider", i + 1), "aria-valuetext": `${lane.dt} s` });
   const box = element("input", { type: "number", step: "any", inputmode: "decimal", value: String(lane.dt), id: `step-${i}`,
-    "aria-label": `step of pendulum ${i + 1} in seconds` });
+    "aria-label": t("step of pendulum {} in seconds", i + 1) });
   const take = (dt) => {
     if (!(dt >= SHORTEST && dt <= LONGEST)) {
-      say(`A step must be a number of seconds from ${SHORTEST} to ${LONGEST}.`);
+      say(t("A step must be a number of seconds from {} to {}.", SHORTEST, LONGEST));
       box.value = String(lane.dt);
       return;
     }
@@ -772,17 +773,18 @@ function laneControl(lane, i) {
   const method = PAGE.methods[lane.method], limit = limitOf(lane);
   const mark = element("div", { className: "limit" });
   if (limit > 0 && place(limit) < 1) mark.append(element("i", { style: `left: ${100 * place(limit)}%` }));
-  const words = limit === null ? "Stable in small swings at every step."
-    : limit === 0 ? "Unstable in small swings at every step." : `Stable in small swings up to a step of ${limit.toPrecision(3)} s (mark).`;
-  const remove = element("button", { type: "button", id: `remove-${i}`, textContent: "Remove", disabled: lab.lanes.length < 2,
-    "aria-label": `remove pendulum ${i + 1}` });
+  const words = limit === null ? t("Stable in small swings at every step.")
+    : limit === 0 ? t("Unstable in small swings at every step.")
+      : t("Stable in small swings up to a step of {} s (mark).", limit.toPrecision(3));
+  const remove = element("button", { type: "button", id: `remove-${i}`, textContent: t("Remove"), disabled: lab.lanes.length < 2,
+    "aria-label": t("remove pendulum {}", i + 1) });
   remove.addEventListener("click", () => {
     lab.lanes.splice(i, 1);
     rebuild();
   });
   const made = element("div", { className: "lane" }, choose, element("div", { className: "setting" },
-    element("label", { htmlFor: `step-${i}`, textContent: "step [s]" }), box, slider), mark,
-  element("p", { className: "hint", textContent: `${method.summary}. ${words} Source: ${method.source}.` }), remove);
+    element("label", { htmlFor: `step-${i}`, textContent: t("step [s]") }), box, slider), mark,
+  element("p", { className: "hint", textContent: t("{}. {} Source: {}.", t(method.summary), words, method.source) }), remove);
   made.style.borderColor = lane.colour;
   return made;
 }
@@ -826,7 +828,7 @@ function decoded(part) {
   try {
     return decodeURIComponent(part);
   } catch {
-    throw new Error(`'${part}' is no part of an address: a percent sign is written %25`);
+    throw new Error(t("'{}' is no part of an address: a percent sign is written %25", part));
   }
 }
 
@@ -841,22 +843,22 @@ function readLink(text) {
     const number = (name, usual) => {
       if (!entries.has(name)) return usual;
       const value = numberIn(entries.get(name));
-      if (!Number.isFinite(value)) throw new Error(`${name} must be a finite number, not '${entries.get(name)}'`);
+      if (!Number.isFinite(value)) throw new Error(t("{} must be a finite number, not '{}'", name, entries.get(name)));
       return value;
     };
-    if (entries.size < pairs.length) throw new Error("it gives an entry twice");
-    if (entries.get("v") !== PAGE.version) throw new Error(`it is not of version ${PAGE.version}`);
+    if (entries.size < pairs.length) throw new Error(t("it gives an entry twice"));
+    if (entries.get("v") !== PAGE.version) throw new Error(t("it is not of version {}", PAGE.version));
     const place = Object.hasOwn(PAGE.scenes, entries.get("scene") ?? "") && PAGE.scenes[entries.get("scene")];
-    if (!place) throw new Error(`this page has no scene '${entries.get("scene")}'; it has ${Object.keys(PAGE.scenes).join(", ")}`);
-    if (!entries.get("methods")) throw new Error("it names no methods, as methods=rk4:0.01");
+    if (!place) throw new Error(t("this page has no scene '{}'; it has {}", entries.get("scene"), Object.keys(PAGE.scenes).join(", ")));
+    if (!entries.get("methods")) throw new Error(t("it names no methods, as methods=rk4:0.01"));
     const lanes = entries.get("methods").split(",").map((part) => {
       const at = part.lastIndexOf(":"), given = part.slice(0, Math.max(at, 0)), dt = numberIn(part.slice(at + 1));
       const name = Object.hasOwn(PAGE.aliases, given) ? PAGE.aliases[given] : given;
-      if (!place.shown.includes(name)) throw new Error(`no method '${name}' for this scene on this page`);
-      if (!(dt >= SHORTEST && dt <= LONGEST)) throw new Error(`the step of ${name} must be from ${SHORTEST} to ${LONGEST} s`);
+      if (!place.shown.includes(name)) throw new Error(t("no method '{}' for this scene on this page", name));
+      if (!(dt >= SHORTEST && dt <= LONGEST)) throw new Error(t("the step of {} must be from {} to {} s", name, SHORTEST, LONGEST));
       return { method: name, dt };
     });
-    if (lanes.length > PAGE.most) throw new Error(`it has more than ${PAGE.most} pendulums`);
+    if (lanes.length > PAGE.most) throw new Error(t("it has more than {} pendulums", PAGE.most));
     const own = (setting, k) => { // of pendulum k + 1, or of all
       const value = number(`${k + 1}.${setting.name}`, number(setting.name, setting.value));
       if (setting.least !== null && (setting.exclusive ? value <= setting.least : value < setting.least)) {
@@ -867,7 +869,7 @@ function readLink(text) {
     const each = ["angle", "velocity", ...place.settings.map((setting) => setting.name)];
     const known = new Set(["v", "scene", "methods", "time", "control", ...each,
       ...lanes.flatMap((_, k) => each.map((name) => `${k + 1}.${name}`))]);
-    for (const name of entries.keys()) if (!known.has(name)) throw new Error(`the scene has no number '${name}'`);
+    for (const name of entries.keys()) if (!known.has(name)) throw new Error(t("the scene has no number '{}'", name));
     for (const setting of place.settings) if (entries.has(setting.name)) own(setting, -1);
     lanes.forEach((lane, k) => {
       lane.values = place.settings.map((setting) => own(setting, k));
@@ -876,19 +878,19 @@ function readLink(text) {
     });
     const torque = number("control", 0);
     number("time", 0);
-    if (!(Math.abs(torque) <= 1) || (torque && !place.motor)) throw new Error("control must be from -1 to 1, in a scene with a motor");
+    if (!(Math.abs(torque) <= 1) || (torque && !place.motor)) throw new Error(t("control must be from -1 to 1, in a scene with a motor"));
     [lab.scene, lab.secret] = [entries.get("scene"), false];
     lab.lanes = lanes.map(({ method, dt, values, angle, velocity }) => new Lane(method, dt, values, angle, velocity));
     push(torque);
     return "";
   } catch (error) {
-    return `The link cannot be used: ${error.message}.`;
+    return t("The link cannot be used: {}.", error.message);
   }
 }
 
 /** What a link cannot say of this run, as a sentence; "" if it says all. */
 function unsaid() {
-  return lab.pushed ? "The motor was pushed during this run: the link and the program begin it again with the present torque." : "";
+  return lab.pushed ? t("The motor was pushed during this run: the link and the program begin it again with the present torque.") : "";
 }
 
 /** Take a file that was dropped or chosen as the recording; nothing of it leaves the browser. */
@@ -899,9 +901,9 @@ async function takeFile(file) {
     lab.recording = readings;
     byId("fit").disabled = byId("forget").disabled = false;
     restart();
-    byId("fitted").textContent = `${file.name}: ${readings[0].length} readings over ${readings[0].at(-1).toFixed(1)} s. ${said}`;
+    byId("fitted").textContent = t("{}: {} readings over {} s. {}", file.name, readings[0].length, readings[0].at(-1).toFixed(1), said);
   } catch (error) {
-    byId("fitted").textContent = `${file.name} cannot be used: ${error.message}.`;
+    byId("fitted").textContent = t("{} cannot be used: {}.", file.name, error.message);
   }
 }
 
@@ -913,13 +915,17 @@ function fitHere() {
     lab.recording = [times, degrees.map((value) => value - zero)];
     for (const lane of meant()) Object.assign(lane, { values: [...values], angle, velocity });
     rebuild();
-    byId("fitted").textContent = `Period ${period.toPrecision(5)} s. ${found.map(({ name, value, error, unit }) => {
+    const numbers = found.map(({ effect, label: name, value, error, unit }) => {
       const digits = Math.max(0, Math.min(9, 1 - Math.floor(Math.log10(error || 1))));
-      return `${name} ${value.toFixed(digits)} ± ${error.toFixed(digits)}${unit}`;
-    }).join("; ")}. Scatter ${scatter.toPrecision(2)}°${Math.abs(zero) > 0.05 * scatter ? `; the zero of the sensor, ${zero.toPrecision(2)}°, is taken away` : ""
-    }. The errors are those of scatter alone; lab-pendulum fit also looks for faults.`.replaceAll("-", "−").replace("lab−", "lab-");
+      return `${effect ? `${t(effect)}: ` : ""}${t(name)} ${value.toFixed(digits)} ± ${error.toFixed(digits)}${unit}`;
+    });
+    const moved = Math.abs(zero) > 0.05 * scatter
+      ? t("The zero of the sensor, {}°, is taken away.", zero.toPrecision(2).replace("-", "−")) : "";
+    byId("fitted").textContent = [t("Period {} s.", period.toPrecision(5)), `${local(numbers.join("; "))}.`,
+      t("Scatter {}°.", scatter.toPrecision(2)), moved,
+      t("The errors are those of scatter alone; lab-pendulum fit also looks for faults.")].filter(Boolean).join(" ");
   } catch (error) {
-    byId("fitted").textContent = `The recording cannot be fitted: ${error.message}.`;
+    byId("fitted").textContent = t("The recording cannot be fitted: {}.", error.message);
   }
 }
 
@@ -997,13 +1003,15 @@ async function check() {
     if (found !== sum) wrong.push(`${scene} with ${method}`);
     done += 1;
     if (done % 4 === 0) {
-      line.textContent = `same bits as Python: ${done} of ${all.length} programs checked`;
+      line.textContent = t("same bits as Python: {} of {} programs checked", done, all.length);
       await new Promise((resolve) => { setTimeout(resolve, 0); });
     }
   }
   line.classList.toggle("differs", wrong.length > 0);
-  line.textContent = wrong.length ? `differs from Python: ${wrong.slice(0, 8).join(", ")}${wrong.length > 8
-    ? ` and ${wrong.length - 8} more` : ""}.` : `same bits as Python: checked (${all.length} programs)`;
+  const more = () => (wrong.length > 8 ? t(" and {} more", wrong.length - 8) : "");
+  lab.checked = () => (wrong.length ? t("differs from Python: {}{}.", wrong.slice(0, 8).join(", "), more())
+    : t("same bits as Python: checked ({} programs)", all.length));
+  line.textContent = lab.checked();
 }
 
 // --- the start -----------------------------------------------------------------------------------------------------
@@ -1016,25 +1024,57 @@ function tab(controls) {
   byId(controls ? "controls" : "plots").scrollIntoView();
 }
 
+/** Say everything that stays on the page in a language; pictures and controls are made anew after it. */
+function speak(wanted) {
+  translate(wanted);
+  byId("language").value = wanted;
+  for (const option of byId("scene").options) {
+    option.textContent = `${option.value.replaceAll("_", " ")}: ${t(PAGE.scenes[option.value].about)}`;
+  }
+  for (const axis of ["x", "y"]) {
+    byId(`free-${axis}`).setAttribute("aria-label", t("quantity of the {} axis", axis));
+    for (const option of byId(`free-${axis}`).options) option.textContent = t(QUANTITIES[option.value].label);
+  }
+  for (const name of PLOTS) {
+    const canvas = byId(`plot-${name}`);
+    canvas.parentElement.firstChild.textContent = t(CAPTIONS[name]);
+    canvas.setAttribute("aria-label", t(CAPTIONS[name]));
+  }
+  for (const name of Object.keys(lab.shown)) byId(`show-${name}`).nextSibling.textContent = t(name);
+  byId("play").textContent = lab.playing ? t("Pause") : t("Play");
+  if (lab.watch) byId("watch").textContent = watchText();
+  if (lab.checked) byId("check").textContent = lab.checked();
+}
+
 async function begin() {
   await unpack();
   globalThis.LabPendulum = { lab, seen, linkText, readLink, rebuild, advance, play, say, show, Machine };
-  for (const [name, place] of Object.entries(PAGE.scenes)) {
-    byId("scene").append(element("option", { value: name, textContent: `${name.replaceAll("_", " ")}: ${place.about}` }));
+  remember();
+  for (const name of Object.keys(PAGE.scenes)) byId("scene").append(element("option", { value: name }));
+  for (const name of ["en", ...Object.keys(PAGE.texts)]) {
+    byId("language").append(element("option", { value: name, lang: name, textContent: name === "en" ? "English" : PAGE.texts[name].English }));
   }
+  byId("language").addEventListener("change", () => {
+    speak(byId("language").value);
+    keepingFocus(() => {
+      LANE_PICTURES.length = LEDGERS.length = 0;
+      byId("pendulums").replaceChildren(...lab.lanes.map(lanePicture));
+      makeControls();
+    });
+    show();
+  });
   for (const speed of SPEEDS) byId("speed").append(element("option", { value: String(speed), textContent: `${speed}×` }));
   byId("speed").value = "1";
   const axes = ["x", "y"].map((axis, i) => {
-    const select = element("select", { id: `free-${axis}`, "aria-label": `quantity of the ${axis} axis` }, ...Object.entries(QUANTITIES).map(
-      ([value, { label }]) => element("option", { value, textContent: label })));
+    const select = element("select", { id: `free-${axis}` }, ...Object.keys(QUANTITIES).map((value) => element("option", { value })));
     select.value = ["angle", "energy"][i];
     select.addEventListener("change", () => show());
     return select;
   });
   for (const name of PLOTS) {
-    const canvas = element("canvas", { id: `plot-${name}`, role: "img", "aria-label": CAPTIONS[name] });
-    byId("plots").append(element("figure", {}, element("figcaption", { textContent: CAPTIONS[name] }),
-      ...(name === "free" ? [element("div", { className: "row" }, axes[1], " against ", axes[0])] : []), canvas));
+    const canvas = element("canvas", { id: `plot-${name}`, role: "img" });
+    byId("plots").append(element("figure", {}, element("figcaption"),
+      ...(name === "free" ? [element("div", { className: "row" }, axes[1], " · ", axes[0])] : []), canvas));
   }
   for (const name of Object.keys(lab.shown)) {
     const box = element("input", { type: "checkbox", id: `show-${name}`, checked: lab.shown[name] });
@@ -1042,11 +1082,11 @@ async function begin() {
       lab.shown[name] = box.checked;
       show();
     });
-    byId("shown").append(element("label", { className: "check" }, box, ` ${name}`));
+    byId("shown").append(element("label", { className: "check" }, box, element("span")));
   }
   byId("watch").addEventListener("click", () => { // starts, stops, goes back
     lab.watch = lab.watch === null ? { from: lab.time } : lab.watch.to === undefined ? { ...lab.watch, to: lab.time } : null;
-    byId("watch").textContent = lab.watch ? watchText() : "Stopwatch";
+    byId("watch").textContent = lab.watch ? watchText() : t("Stopwatch");
   });
   const shown = PAGE.scenes[lab.scene].shown;
   const dt = PAGE.scenes[lab.scene].run.dt;
@@ -1068,7 +1108,7 @@ async function begin() {
     if (Math.abs(degrees) <= 360) {
       for (const lane of meant()) lane.angle = degrees / DEGREES;
       restart();
-    } else say("The start angle must be a number of degrees from -360 to 360.");
+    } else say(t("The start angle must be a number of degrees from -360 to 360."));
     fill();
   });
   byId("velocity").addEventListener("change", () => {
@@ -1076,7 +1116,7 @@ async function begin() {
     if (Math.abs(value) <= 1e4) {
       for (const lane of meant()) lane.velocity = value;
       restart();
-    } else say("The start velocity must be a number from -10000 to 10000 rad/s.");
+    } else say(t("The start velocity must be a number from -10000 to 10000 rad/s."));
     fill();
   });
   byId("tab-plots").addEventListener("click", () => tab(false));
@@ -1129,6 +1169,7 @@ async function begin() {
   addEventListener("blur", letGo);
   document.addEventListener("visibilitychange", letGo);
   document.addEventListener("focusin", letGo);
+  speak(Object.keys(PAGE.texts).find((name) => navigator.language.startsWith(name)) ?? "en");
   const link = () => (location.hash.length > 1 ? readLink(location.hash.slice(1)) : "");
   let wrong = link();
   rebuild();
@@ -1160,5 +1201,5 @@ async function begin() {
 
 begin().catch((error) => {
   console.error(error);
-  say(`This browser cannot run the page: ${error.message}.`);
+  say(t("This browser cannot run the page: {}.", error.message));
 });

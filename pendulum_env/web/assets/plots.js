@@ -30,7 +30,7 @@ function power(n) {
 /** A number for a tick. */
 function short(value) {
   return value === 0 ? "0" : Math.abs(value) >= 1e5 || Math.abs(value) < 1e-3 ? value.toExponential(0)
-    : String(Number(value.toPrecision(6))).replace("-", "−");
+    : local(String(Number(value.toPrecision(6))).replace("-", "−"));
 }
 
 /** Draw axes and curves.

@@ -17,17 +17,18 @@ function readText(text) {
     if (numbers.length > 1 && Number.isFinite(numbers[0]) && numbers.slice(1).some(Number.isFinite)) rows.push(numbers);
     else if (!rows.length && cells(line).length > 1) heads.push(cells(line));
   }
-  if (rows.length < 20) throw new Error("it has fewer than 20 lines of numbers: a column of times and one of angles are needed");
+  if (rows.length < 20) throw new Error(t("it has fewer than 20 lines of numbers: a column of times and one of angles are needed"));
   const names = (heads.at(-1) ?? []).map((name) => name.toLowerCase()), width = Math.max(...rows.map((row) => row.length));
   const time = Math.max(names.findIndex((name) => /^(time|zeit|t\b)/.test(name)), 0);
   const named = names.findIndex((name) => /angle|winkel|theta|auslenkung/.test(name));
   const angle = named >= 0 ? named : [...Array(width).keys()].find((i) => i !== time && rows.every((row) => Number.isFinite(row[i])));
-  if (angle === undefined) throw new Error("no column beside the times has a number in every line");
+  if (angle === undefined) throw new Error(t("no column beside the times has a number in every line"));
   const good = rows.filter((row) => Number.isFinite(row[time]) && Number.isFinite(row[angle]));
-  if (good.some((row, i) => i > 0 && row[time] <= good[i - 1][time])) throw new Error("its times do not increase");
+  if (good.some((row, i) => i > 0 && row[time] <= good[i - 1][time])) throw new Error(t("its times do not increase"));
   const head = (heads.map((row) => row[angle] ?? "").join(" ")).toLowerCase(), most = Math.max(...good.map((row) => Math.abs(row[angle])));
   const radians = /rad/.test(head) || (!/°|deg|grad/.test(head) && most < 1.6);
-  const said = /rad|°|deg|grad/.test(head) ? "" : `The file does not say its unit: ${radians ? "radians" : "degrees"} are assumed.`;
+  const said = /rad|°|deg|grad/.test(head) ? "" : radians ? t("The file does not say its unit: radians are assumed.")
+    : t("The file does not say its unit: degrees are assumed.");
   const first = good[0][time];
   return { said, readings: [good.map((row) => row[time] - first), good.map((row) => row[angle] * (radians ? DEGREES : 1))] };
 }
@@ -81,7 +82,7 @@ function fitRecording([times, degrees], place, usual) {
   const wanted = degrees.filter((_, i) => i % every === 0).map((value) => value / DEGREES);
   const middle = wanted.reduce((sum, value) => sum + value, 0) / wanted.length;
   const ups = crossings(times, degrees.map((value) => value / DEGREES), middle);
-  if (ups.length < 4) throw new Error("it has fewer than three whole swings");
+  if (ups.length < 4) throw new Error(t("it has fewer than three whole swings"));
   const period = (ups.at(-1) - ups[0]) / (ups.length - 1);
   const free = place.settings.map((setting, i) => ({ setting, i })).filter(({ setting }) => setting.name === "body.length"
     || setting.kind === "dissipative");
@@ -132,6 +133,5 @@ function fitRecording([times, degrees], place, usual) {
   free.forEach(({ i }, k) => { values[i] = Math.max(numbers[3 + k], place.settings[i].least ?? -Infinity); });
   const error = (k) => Math.sqrt(Math.max(variance * inverse[k][k], 0));
   return { values, angle: numbers[0], velocity: numbers[1], zero: numbers[2] * DEGREES, scatter: Math.sqrt(variance) * DEGREES, period,
-    found: free.map(({ setting, i }, k) => ({ name: `${setting.effect ? `${setting.effect}: ` : ""}${setting.label}`, value: values[i],
-      error: error(3 + k), unit: setting.unit === "1" ? "" : ` ${setting.unit}` })) };
+    found: free.map(({ setting, i }, k) => ({ effect: setting.effect, label: setting.label, value: values[i], error: error(3 + k), unit: setting.unit === "1" ? "" : ` ${setting.unit}` })) };
 }
