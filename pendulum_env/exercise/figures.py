@@ -13,6 +13,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
+from matplotlib.transforms import Bbox
 
 from pendulum_env.exercise.motion import OWN, Array, ExerciseMotion
 from pendulum_env.exercise.recorded import FIRST_SWINGS
@@ -40,9 +41,9 @@ SWINGS = 30.0
 """Largest number of swings in a strip."""
 USUAL_SWINGS = 8.0
 """Number of swings in a strip of a short run."""
-STRIP = 1.05
+STRIP = 0.72
 """Height of a strip [inch]."""
-LOWEST = 2.6
+LOWEST = 2.2
 """Least height of all strips together [inch]."""
 ENDS = 8.0
 """Number of swings at the start and at the end that are shown enlarged."""
@@ -101,8 +102,23 @@ def strips(parts: Sequence[Span], reach: float, below: str, labels: Labels) -> t
         for at, span in zip(rows, parts, strict=True):
             at.set(xlim=span, ylim=(-1.08 * reach, 1.08 * reach))
         rows[-1].set_xlabel(below)
-        drawing.supylabel(labels["angle"], fontsize=11)
+        rows[0].set_title(labels["angle"], loc="right", fontsize=10)
     return drawing, rows
+
+
+def cuts(drawing: Figure) -> list[float]:
+    """Return where a figure may be cut between its rows, as shares of its height from the top; none if rows share an
+    axis of time, whose numbers are below the last."""
+    rows: dict[int, list[Axes]] = {}
+    for at in drawing.axes:
+        spec = at.get_subplotspec()
+        rows.setdefault(spec.rowspan.start if spec is not None else 0, []).append(at)
+    first, *others = (rows[k][0] for k in sorted(rows))
+    if not others or first.get_shared_x_axes().joined(first, others[0]):
+        return []
+    drawing.draw_without_rendering()
+    boxes = [Bbox.union([box for at in rows[k] if (box := at.get_tightbbox())]) for k in sorted(rows)]
+    return [1.0 - 0.5 * (upper.y0 + lower.y1) / drawing.bbox.height for upper, lower in pairwise(boxes)]
 
 
 def signed(drawing: Figure, worked: Worked, labels: Labels) -> Figure:
@@ -150,7 +166,7 @@ def forward(worked: Worked, labels: Labels) -> Figure:
     """Draw angle, angular velocity and energy of forward Euler against time, with the exact motion."""
     run = worked.small.forward
     angle, velocity = exact.linear(run.time, ANGLE, 0.0, worked.small.omega)
-    drawing = blank((WIDTH, 7.6))
+    drawing = blank((WIDTH, 5.4))
     with drawn():
         rows = drawing.subplots(3, 1)
         for at, true, own, label in ((rows[0], np.degrees(angle), np.degrees(run.angle), "angle"),
@@ -158,7 +174,8 @@ def forward(worked: Worked, labels: Labels) -> Figure:
                                      (rows[2], np.ones(len(run.time)), run.energy, "energy")):
             at.plot(run.time, true, label=labels["exact"], **{**EXACT, "linewidth": 3.5})
             at.plot(run.time, own, label=labels[run.method], **line(run))
-            at.set(ylabel=labels[label], xlim=(0.0, float(run.time[-1])))
+            at.set_ylabel(labels[label], fontsize=9)
+            at.set_xlim(0.0, float(run.time[-1]))
         if run.ratio > HIGH / 10.0:
             rows[2].set_yscale("log")
         else:
@@ -170,7 +187,7 @@ def forward(worked: Worked, labels: Labels) -> Figure:
 
 def forward_phase(worked: Worked, labels: Labels) -> Figure:
     """Draw the phase plot of forward Euler, with the exact orbit."""
-    drawing = blank((0.75 * WIDTH, 0.68 * WIDTH))
+    drawing = blank((0.6 * WIDTH, 0.5 * WIDTH))
     with drawn():
         at = drawing.subplots()
         orbit(at, worked.small.forward, true_ellipse(worked.small.omega, ANGLE), labels)
@@ -219,7 +236,7 @@ def plain(at: Axes) -> None:
 def eulers(worked: Worked, labels: Labels) -> Figure:
     """Draw energy and phase plot of the three Euler methods side by side, and of the student's own step beside them."""
     small = worked.small
-    drawing = blank((WIDTH, 5.4))
+    drawing = blank((WIDTH, 4.8))
     with drawn():
         grid = drawing.subplots(2, len(small.runs))
         for at, low, run in zip(grid[0], grid[1], small.runs.values(), strict=True):
@@ -313,7 +330,7 @@ def periods(worked: Worked, labels: Labels) -> Figure:
     large = worked.large
     size = np.radians(np.linspace(0.5, 155.0, 300))
     rest = math.tau / large.omega
-    drawing = blank((WIDTH, 5.0))
+    drawing = blank((WIDTH, 3.8))
     with drawn():
         at, below = drawing.subplots(2, 1, sharex=True, height_ratios=(2.2, 1.0))
         at.plot(np.degrees(size), exact.period(size, large.omega), label=labels["elliptic"],
@@ -376,7 +393,7 @@ def beside(worked: Worked, labels: Labels) -> Figure:
     end = float(compared.time[-1])
     length = ENDS * compared.period_recorded
     parts = [(0.0, length), (end - length, end)] if end > 2.0 * length else [(0.0, end)]
-    drawing = blank((WIDTH, 0.6 + 2.0 * len(parts)))
+    drawing = blank((WIDTH, 0.6 + 1.7 * len(parts)))
     model = compared.model
     with drawn():
         grid = drawing.subplots(len(parts), 2, sharey="row", squeeze=False)
@@ -432,7 +449,7 @@ def readings(worked: Worked, labels: Labels) -> Figure:
     beside = worked.recorded.by_hand
     assert beside is not None
     size, error, model = np.degrees(np.abs(beside.angle)), np.degrees(beside.error), beside.model
-    drawing = blank((WIDTH, 4.8))
+    drawing = blank((WIDTH, 4.4))
     with drawn():
         at, below = drawing.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
         at.plot(model.time, np.degrees(model.angle), label=labels["simulation"], **line(model, 0.7))

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 import re
 import shutil
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import count
+from itertools import count, pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -20,7 +20,7 @@ from pendulum_env.common.progress import Progress, told_by, with_bar
 from pendulum_env.common.provenance import output_folder, provenance, write_csv
 from pendulum_env.common.replacing import replacing
 from pendulum_env.exercise.answers import Answers, earlier
-from pendulum_env.exercise.figures import STRIPS, SWINGS, USUAL_SWINGS, WIDEST, WIDTH, figures_of
+from pendulum_env.exercise.figures import STRIPS, SWINGS, USUAL_SWINGS, WIDEST, WIDTH, cuts, figures_of
 from pendulum_env.exercise.language import ENGLISH, TEXTS, Language, language_of
 from pendulum_env.exercise.programs import data_tables, program_names, programs
 from pendulum_env.exercise.values import digits, fixed, values, with_error
@@ -102,7 +102,8 @@ def write(
             figure = texts.localised(draw(worked, texts.figures))
             paths += save_all(figure, made / draw.__name__, {**facts, "Title": draw.__name__})
             svg = paths[-1].read_text(encoding="utf-8")
-            figures[draw.__name__] = Drawing(i + 1, inlined(svg, draw.__name__, f"{texts.say('figure')} {i + 1}"))
+            title = f"{texts.say('figure')} {i + 1}"
+            figures[draw.__name__] = Drawing(i + 1, inlined(svg, draw.__name__, title, cuts(figure)))
         for file, text in programs(worked, texts.figures, environment(texts)):
             paths.append(made / file)
             paths[-1].write_text(text, encoding="utf-8")
@@ -173,18 +174,26 @@ def css_text(text: str) -> str:
     return "".join(letter if letter.isalnum() or letter in " .,-" else f"\\{ord(letter):x} " for letter in text)
 
 
-def inlined(svg: str, name: str, title: str) -> Any:
+def inlined(svg: str, name: str, title: str, cuts: Sequence[float] = ()) -> Any:
     """Return an SVG file's element for a page: as wide as the text, with a title for screen readers, and with names of
-    its own that begin with ``name``."""
+    its own that begin with ``name``.
+
+    With ``cuts``, shares of its height, it is in parts one below the other, between which a page may end: the first
+    holds the drawing, the others show it again, each through a window of its own."""
     from markupsafe import Markup
 
     bare = DROPPED.sub("", svg).strip()
-    points = float(re.search(r'viewBox="0 0 ([\d.]+)', bare)[1])  # type: ignore[index]
+    points, height = (float(x) for x in re.search(r'viewBox="0 0 ([\d.]+) ([\d.]+)', bare).groups())  # type: ignore[union-attr]
     share = 100.0 * points / (72.0 * WIDTH)
     own = IDENTIFIER.sub(lambda found: f"{found[1]}{name}-", bare)
     spaces = 'xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink"'
-    head = rf'<svg \1 style="width: {share:.0f}%" role="img" aria-label="{title}" {spaces}>'
-    return Markup(re.sub(r'<svg [^>]*?(viewBox="[^"]*")[^>]*>', head, own, count=1))
+    edges = [0.0, *(round(height * cut, 2) for cut in cuts), height]
+    head, *others = (f'<svg viewBox="0 {top} {points} {round(low - top, 2)}" style="width: {share:.0f}%"'
+                     for top, low in pairwise(edges))
+    whole = f'{head} role="img" aria-label="{title}" {spaces}><g id="{name}-drawing">'
+    first = re.sub(r"<svg [^>]*>", whole, own, count=1).removesuffix("</svg>") + "</g></svg>"
+    return Markup("\n".join([first, *(f'{other} aria-hidden="true"><use href="#{name}-drawing"/></svg>'
+                                      for other in others)]))
 
 
 # --- the tables -----------------------------------------------------------------------------------------------------
