@@ -21,7 +21,7 @@ from urllib.parse import urlsplit
 import numpy as np
 import pytest
 from asked_pages import asked, ordered, when
-from in_browser import OVERLAPPING, SMALLEST, Opened, until, visited
+from in_browser import OVERLAPPING, SMALLEST, Opened, at_widths, until, visited
 
 from pendulum_env import SCENES, Recording, rollout
 from pendulum_env.bench.page import Served, document, served
@@ -580,9 +580,7 @@ def test_the_keyboard_alone(bench: Served, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("width", "scheme"), [
-    (320, "light"), (360, "dark"), (768, "light"), (1000, "dark"), (1280, "light"), (2560, "dark")])
-def test_the_page_fits_every_width(width: int, scheme: str, tmp_path: Path) -> None:
+def test_the_page_fits_every_width(tmp_path: Path) -> None:
     """Boxes depend on the width and contrast on the scheme, so that each width takes one of the two schemes."""
     axe = pytest.importorskip("axe_playwright_python.sync_playwright")
     with served(Virtual(wait=0.0, angle=0.1), out=tmp_path / "swing.csv") as page:
@@ -591,20 +589,21 @@ def test_the_page_fits_every_width(width: int, scheme: str, tmp_path: Path) -> N
         ordered(page, "fit", effects="linear")
         when(lambda: page.session.found and "beside" in page.session.curves, 60)
         assert page.session.found is not None
-        with visited(page.address, viewport={"width": width, "height": 800}, color_scheme=scheme) as seen:
-            ready(seen)
-            until(seen, f"{DESK}.curves.fit.t.length")
-            for tools in (False, True):
-                if width <= 900:
-                    seen.page.click("#tab-controls" if tools else "#tab-plots")
-                if tools:
-                    seen.page.click("#read-amplitudes")
-                    seen.page.wait_for_timeout(100)
-                assert seen.page.evaluate("document.documentElement.scrollWidth <= innerWidth")
-                assert seen.page.evaluate(SMALLEST) >= 12.0
-                assert seen.page.evaluate(OVERLAPPING) == []
-                found = axe.Axe().run(seen.page)
-                assert found.violations_count == 0, found.generate_report()
+        with visited(page.address) as seen:
+            for width in at_widths(seen):
+                ready(seen)
+                until(seen, f"{DESK}.curves.fit.t.length")
+                for tools in (False, True):
+                    if width <= 900:
+                        seen.page.click("#tab-controls" if tools else "#tab-plots")
+                    if tools:
+                        seen.page.click("#read-amplitudes")
+                        seen.page.wait_for_timeout(100)
+                    assert seen.page.evaluate("document.documentElement.scrollWidth <= innerWidth"), width
+                    assert seen.page.evaluate(SMALLEST) >= 12.0, width
+                    assert seen.page.evaluate(OVERLAPPING) == [], width
+                    found = axe.Axe().run(seen.page)
+                    assert found.violations_count == 0, (width, found.generate_report())
 
 
 @pytest.mark.slow

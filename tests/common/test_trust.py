@@ -62,6 +62,7 @@ def dangerous(path: Path) -> set[str]:
     return found
 
 
+@pytest.mark.slow
 def test_nothing_else_runs_text_or_unpickles() -> None:
     roots = [Path(package.__file__).parent for package in (pendulum_env, integrators) if package.__file__]
     found = {path.relative_to(root.parent).as_posix(): dangerous(path) for root in roots for path in root.rglob("*.py")}

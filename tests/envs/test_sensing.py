@@ -74,8 +74,8 @@ def test_environment_i_sees_what_the_single_one_sees(case: str, shift: int) -> N
     assert side_by_side(vector(3, autoreset_mode=mode, **common), theirs, mode, 16) >= 3
 
 
-@pytest.mark.parametrize("case", ["both random", pytest.param("rough", marks=pytest.mark.slow),
-                                  pytest.param("slow", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("case", ["both random", "rough", "slow"])
 def test_compiled_and_interpreted_readings_have_the_same_bits(case: str) -> None:
     """Check a vector over two blocks and threads, and a single environment."""
     found = []

@@ -127,6 +127,7 @@ def test_a_spinning_pool_refuses_actions_that_are_not_finite(value: float) -> No
     assert begun + bits(env, first=3) == wanted
 
 
+@pytest.mark.slow
 def test_a_parameter_that_varies_from_now_on_is_seen_by_all_threads() -> None:
     env, one = stepped(vector(2)), vector(1)
     for each in (env, one):

@@ -508,6 +508,7 @@ def test_ctrl_c_at_a_terminal_reaches_the_encoder_too_and_leaves_the_old_film(tm
 
 
 @pytest.mark.usefixtures("interpreted")
+@pytest.mark.slow
 def test_gymnasiums_recorder_films_an_episode_at_true_speed(tmp_path):
     env = gym.make("LabPendulum-v0", render_mode="rgb_array", render_size=100, dt=0.05, render_theme="dark",
                    render_panels=("apparatus", "phase"))

@@ -14,6 +14,7 @@ from typing import Any
 import mpmath
 import numpy as np
 import pytest
+from choice import shared_out
 from scipy.integrate import solve_ivp
 
 import integrators
@@ -167,8 +168,7 @@ def test_every_method_in_floats(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["array", "mpmath"])
-@pytest.mark.parametrize("name", [*TREATING, "taylor20"])
+@pytest.mark.parametrize(("name", "kind"), shared_out([*TREATING, "taylor20"], ("array", "mpmath")))
 def test_every_method(name: str, kind: str) -> None:
     """In the other kinds one method of every family, above: a kind is made to numbers before any method sees them."""
     assert faults(name, kind) == []

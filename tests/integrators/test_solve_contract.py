@@ -17,6 +17,7 @@ from typing import Any
 import mpmath
 import numpy as np
 import pytest
+from choice import shared_out
 
 import integrators
 from integrators import METHODS, Event, Method, MethodError, System, solve
@@ -249,8 +250,9 @@ def test_one_method_of_every_family(family: tuple[Any, ...], kind: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["float", "array", "mpmath"])
-@pytest.mark.parametrize("name", [*METHODS, "taylor20"])
+@pytest.mark.parametrize(("name", "kind"), [
+    *((name, "float") for name in METHODS), ("taylor20", "float"),
+    *shared_out([*METHODS, "taylor20"], ("array", "mpmath"))])
 def test_every_method(name: str, kind: str) -> None:
     """In the other kinds one method of every family, above: a kind is made to numbers before any method sees them."""
     assert faults(name, kind) == []

@@ -26,7 +26,7 @@ from pendulum_env.engine.machine import fitting, numbers_of
 jax.config.update("jax_enable_x64", True)
 PLACES = {name: scene.with_effects(effect.smoothed(0.1) for effect in scene.effects) for name, scene in SCENES.items()}
 """All scenes, with dry friction smoothed over 0.1 rad/s."""
-STEPS, FEW, FIRST = 200, 8, 3
+STEPS, FEW, FIRST = 200, 8, 2
 NEAR = {"verner6": 1e-11, "verner8": 1e-12}
 """Method -> its bound on relative differences of values, where large coefficients of its table magnify rounding."""
 SENSITIVE = {("gymnasium", "verner6"): 5e-11}

@@ -174,6 +174,7 @@ def test_a_swing_that_settles_is_called_driven() -> None:
     assert "the pendulum is driven" in found.grade.text
 
 
+@pytest.mark.slow
 def test_a_push_of_one_per_cent_leaves_the_fit_usable() -> None:
     """A push in one swing, which does the work F 2 A, makes the amplitude larger by 2 F / omega0², less the damping."""
     time = even(20.0, 50.0)

@@ -419,6 +419,7 @@ def test_a_damaged_file_has_one_error(kind: str, tmp_path: Path) -> None:
         assert "\n" not in why
 
 
+@pytest.mark.slow
 def test_an_array_that_unpacks_to_too_much_is_refused(tmp_path: Path) -> None:
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as made:

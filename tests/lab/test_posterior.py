@@ -139,6 +139,7 @@ def test_priors_are_what_they_say(entry: Any, log: Callable[[Any], Any]) -> None
 # --- the sample -------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_sample_of_a_linear_model_has_the_quantiles_of_students_t() -> None:
     """Quantiles are compared by the exact probability below them; 5000 independent samples scatter by 0.007."""
     found = linear_posterior()

@@ -27,13 +27,16 @@ PUBLIC = dict(public())
 PAIRS = [(label, keyword.name) for label, function in PUBLIC.items() for keyword in keywords(function)]
 STUDIES = (
     "audit", "simplify", "compare", "compare.write", "cost", "growth", "choose", "stress", "fit", "lab.fit_driven")
+READERS = ("lab.track", "lab.follow", "lab.measure_amplitudes")
+"""Functions that take seconds for each value that they accept: of films, and of amplitudes read by hand."""
 
 
 FITS = ("fit", "lab.fit_driven")
 """Functions of so many runs that they take minutes interpreted."""
-LABELS = [pytest.param(label, marks=[pytest.mark.slow] if label in STUDIES or label.startswith("exact.") else [])
+LABELS = [pytest.param(
+    label, marks=[pytest.mark.slow] if label in STUDIES + READERS or label.startswith("exact.") else [])
           for label in dict.fromkeys(label for label, _ in PAIRS)]
-"""All functions with keywords; slow are studies and closed forms."""
+"""All functions with keywords; slow are studies, closed forms, and READERS."""
 
 
 @cache

@@ -114,6 +114,13 @@ def kind(name: str) -> str:
     return next(each for each, method in integrators.METHODS.items() if written(method) == wanted)
 
 
+def shared_out(methods: Iterable[str], values: Sequence[str]) -> list[tuple[str, str]]:
+    """Return methods with values: the first method of each kind with all, others with the one that their name chooses.
+    """
+    return [(name, value) for name in methods for value in values
+            if name not in integrators.METHODS or kind(name) == name or chosen(values, name) == value]
+
+
 def pairs(axes: Sequence[Sequence[Any]]) -> list[tuple[Any, ...]]:
     """Combinations that hold every pair of values and every method; in pairs, methods of one kind are one value.
 

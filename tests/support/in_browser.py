@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -84,6 +85,16 @@ def visited(address: str, own: Callable[[str], bool] | None = None, **options: A
             browser.close()
     assert seen.asked == []
     assert seen.errors == []
+
+
+def at_widths(seen: Opened) -> Iterator[int]:
+    """Open the page again at every width [CSS pixels] from a phone's to a screen's, in light and dark by turns."""
+    schemes = cycle(("light", "dark"))
+    for width in (320, 360, 768, 1000, 1280, 2560):
+        seen.page.set_viewport_size({"width": width, "height": 800})
+        seen.page.emulate_media(color_scheme=next(schemes))
+        seen.page.reload()
+        yield width
 
 
 def until(seen: Opened, script: str, seconds: float = 120.0) -> Any:

@@ -244,6 +244,7 @@ def test_a_run_that_ends_begins_again_in_a_pause(clock: Clock, run_here: Here, s
     assert [info["time"] for _, _, info in steps[ended + 1:]] == [0.1]
 
 
+@pytest.mark.slow
 def test_beside_a_run_that_ended_the_others_go_on(clock: Clock, run_here: Here, steps: Steps, windows: Windows) -> None:
     stopped: list[list[bool]] = []
     clock.plan = [nothing] * 60 + [lambda: stopped.append([view.stopped for view in windows[0].drawn]), key("q")]
