@@ -156,6 +156,7 @@ class Board(Device):
         self._sequence = 0
         self._frames = Frames()
         self._counts, self._wraps, self._micros = 0, 0, 0
+        self._parting: Any = None
 
     @abstractmethod
     def connect(self) -> Line:
@@ -171,6 +172,7 @@ class Board(Device):
         patience = self.patience
         if self._line is None:
             self._line, self._frames, patience = self.connect(), Frames(), BOOT / 10
+            self._parting = weakref.finalize(self, parted, self._line)  # also where a program ends without close()
         answer = self._asked("H", (max(1, round(1000.0 * watchdog)),), "I", 10, patience)
         if len(answer.numbers) != 3 or answer.numbers[0] != VERSION or answer.numbers[1] < 1:
             raise DeviceError(f"The board at {self} speaks another version of the protocol than {VERSION}; load the "
@@ -194,9 +196,8 @@ class Board(Device):
         if self._line is not None:
             with suppress(SceneError):
                 self.stop()
-            line, self._line = self._line, None
-            with suppress(OSError):
-                line.close()
+            self._line = None
+            self._parting()
 
     def _next(self) -> int:
         self._sequence = (self._sequence + 1) % SEQUENCES
@@ -245,6 +246,14 @@ class Board(Device):
         self._micros = micros
         return Reading(1e-6 * (micros + MICROS * self._wraps), math.tau * count / self._counts, drive / FULL,
                        STATES[state])
+
+
+def parted(line: Line) -> None:
+    """Tell a board to stop, without waiting for its answer, and close the line."""
+    with suppress(OSError):
+        line.send(encoded(Frame("S", 0)))
+    with suppress(OSError):
+        line.close()
 
 
 class SerialLine:
@@ -391,9 +400,8 @@ class VirtualBoard(Checked, Board):
                     ended(process)
                     raise DeviceError(f"The virtual board has not started within {START:g} s; try again when the "
                                       "computer is less busy.")
-            line = SocketLine(server.accept()[0])
-            self._finish = weakref.finalize(self, ended, process, line)  # also where a program ends without close()
-            return line
+            self._finish = weakref.finalize(self, ended, process)
+            return SocketLine(server.accept()[0])
 
     def close(self) -> None:
         """Cut the line; the process ends by itself."""
@@ -405,10 +413,8 @@ class VirtualBoard(Checked, Board):
             self._finish()
 
 
-def ended(process: subprocess.Popen[bytes], line: Line | None = None) -> None:
-    """Cut the line to a virtual board, wait for its process to end, and end it if it does not."""
-    if line is not None:
-        line.close()
+def ended(process: subprocess.Popen[bytes]) -> None:
+    """Wait for the process of a virtual board, whose line is cut, to end, and end it if it does not."""
     try:
         process.wait(5.0)
     except subprocess.TimeoutExpired:

@@ -72,32 +72,43 @@ def test_a_run_over_the_line(log: Path, tmp_path: Path) -> None:
     env.reset(seed=0)
     process = board.process
     assert process is not None
-    infos = [env.step(np.ones(1, np.float32))[4] for _ in range(40)]
+    infos: list[dict[str, Any]] = []
+    while len(infos) < 40:
+        *_, stopped, info = env.step(np.full(1, 1 - len(infos) % 2, np.float32))
+        infos.append(info)
+        if stopped:  # as this computer was held up
+            infos.clear()
+            env.reset()
     env.close()
     assert process.poll() == 0
-    assert len(DrivenLog.read(env.unwrapped.log).time) >= len(infos) - 1 if infos[-1]["stop_reason"] == "" else True
+    assert len(DrivenLog.read(env.unwrapped.log).time) == 41
     assert changes(log, STOPPED)[-1][1] == 0
-    assert infos[10]["angle"] > 0.02
-    moved = [info for info in infos if info["stop_reason"] == ""]
-    assert abs(moved[-1]["angle_residual"]) > 0.01  # the twin has another length
+    assert max(info["angle"] for info in infos) > 0.1
+    assert max(abs(info["angle_residual"]) for info in infos) > 0.01  # the twin has another length
 
 
 DRIVER = """
-    import sys, time
+    import os, signal, sys, threading, time
     import gymnasium as gym, numpy as np
     import pendulum_env
     from pendulum_env.bench import VirtualBoard
     board = VirtualBoard("lab", log=sys.argv[1])
     env = gym.make("LabPendulumBench-v0", device=board, dt=0.03, log=sys.argv[2], max_episode_steps=-1, warn=False)
     env.reset(seed=0)
-    for k in range(10**6):
-        env.step(np.full(1, (-1) ** k, np.float32))  # each is a change, which the firmware's log has
+    k = 0
+    while True:
+        *_, stopped, info = env.step(np.full(1, (-1) ** k, np.float32))  # each is a change, which the log has
+        if stopped:  # as this computer was held up
+            env.reset()
+            k = 0
+            continue
         print(k, flush=True)
         {fault}
+        k += 1
 """
 PROCESS_FAULTS: dict[str, tuple[str, int | None]] = {
     "kill -9": ("pass", signal.SIGKILL),
-    "Ctrl-C": ("pass", signal.SIGINT),
+    "Ctrl-C": ("if k == 9: threading.Timer(0.01, os.kill, (os.getpid(), signal.SIGINT)).start()", None),
     "an exception in the policy": ("1 / (k < 9)", None),
     "a policy that hangs": ("time.sleep(60.0 * (k == 9))", None),
     "the end of the program": ("if k == 9: sys.exit()", None),
@@ -127,7 +138,8 @@ def test_a_program_that_ends_or_hangs_leaves_no_torque(name: str, log: Path, tmp
     if name == "kill -9":
         assert state == TRIPPED
         assert end - last == pytest.approx(0.090, abs=0.0011)
-    kept = (tmp_path / "run-run1.csv").read_text().splitlines()
+    newest = max(tmp_path.glob("run-run*.csv"), key=lambda path: int(path.stem.removeprefix("run-run")))
+    kept = newest.read_text().splitlines()
     titles = kept.index("Time (s),Angle (rad),Action")
     rows = np.array([line.split(",") for line in kept[titles + 1:]], dtype=float)
     assert len(rows) >= 10
