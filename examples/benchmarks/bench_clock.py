@@ -1,9 +1,8 @@
 """Real time of ``LabPendulumBench-v0`` on the virtual bench: jitter and missed steps at 100 and 500 Hz.
 
 ``python examples/benchmarks/bench_clock.py`` makes 10 000 steps at each rate, in two minutes, and prints, by the clock
-of the device, which counts milliseconds, the standard deviation and the largest deviation of the readings' times from
-even ones, how late actions were sent, and the steps that were left out. An episode that the watchdog ends is begun again
-and counted.
+of the device, which counts milliseconds, the deviations of the readings' times from even ones, how late actions were
+sent, and the steps that were left out. An episode that the watchdog ends is begun again and counted.
 """
 
 from __future__ import annotations

@@ -440,15 +440,17 @@ def device_at(address: Any, scene: Any = "lab", **keywords: Any) -> Device:
     ``scene`` and ``keywords`` are of the virtual one, where its address names no other scene. A device is returned as
     it is. Raises DeviceError for another name.
     """
+    given = " and ".join(word for word, value in keywords.items() if value)
     if isinstance(address, Device):
+        if given:
+            raise DeviceError(f"{given} cannot be chosen beside a device; give it to the device itself.")
         return address
     if not isinstance(address, str):
         raise DeviceError(f"device must be an address, as {' or '.join(forms())}, or a Device, not {shown(address)}.")
     name, _, place = address.partition(":")
     if name == VirtualBoard.name:
         return VirtualBoard(place or scene, **keywords)
-    if any(keywords.values()):
-        given = " and ".join(word for word, value in keywords.items() if value)
+    if given:
         raise DeviceError(f"{given} cannot be chosen, as a real bench has its own; leave it out.")
     if name == SerialBoard.name:
         return SerialBoard(place)

@@ -486,7 +486,8 @@ def test_a_log_without_a_place_is_in_a_folder_for_temporary_files(bench: Any) ->
     ({"confirm": False}, "confirm must be True, None or a function of the question, not False"),
     ({"device": "virtuel"}, "There is no device 'virtuel'; did you mean virtual"),
     ({"device": 3}, "device must be an address, as virtual"), ({"device": "serial"}, "serial needs the name of a port"),
-    ({"turn_limit": 0.0}, "turn_limit"),
+    ({"turn_limit": 0.0}, "turn_limit"), ({"action_delay": 0.02}, "action_delay cannot be chosen beside a device"),
+    ({"device": "serial:/dev/ttyNONE", "sensor": {"noise": 0.1}}, "sensor cannot be chosen, as a real bench has its"),
 ])
 def test_what_a_bench_cannot_be_is_refused(bench: Any, keywords: dict[str, Any], said: str) -> None:
     with pytest.raises(SceneError, match=said):

@@ -7,20 +7,26 @@ from __future__ import annotations
 
 import math
 import os
+import select
 import signal
 import subprocess
 import sys
 import textwrap
+import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import pytest
+from boards import Board
+from simulated_board import Bob
 
 from pendulum_env import SCENES, rollout
 from pendulum_env.bench import DeviceError, VirtualBoard
+from pendulum_env.bench.device import device_at
 from pendulum_env.bench.firmware import Firmware, Plant
 from pendulum_env.bench.protocol import DRIVING, STOPPED, TRIPPED, Frame, encoded
 from pendulum_env.lab import DrivenLog
@@ -169,6 +175,50 @@ def test_a_closed_board_starts_again(log: Path) -> None:
         assert board.read().state == "driving"
         board.close()
         board.close()
+
+
+class Terminal:
+    """A board of boards.py whose bytes a firmware answers, with a bob on its shaft, in a thread."""
+
+    def __init__(self, folder: Path) -> None:
+        self.board, self.firmware = Board(folder), Firmware(Bob())
+        self._over = threading.Event()
+        self.thread = threading.Thread(target=self._run, daemon=True)
+        self.thread.start()
+
+    def _run(self) -> None:
+        began = time.monotonic()
+        with suppress(OSError):
+            while not self._over.is_set():
+                if select.select([self.board.far], [], [], 0.005)[0]:
+                    data = os.read(self.board.far, 4096)
+                    os.write(self.board.far, self.firmware.receive(data, time.monotonic() - began))
+                self.firmware.go_on(time.monotonic() - began)
+
+    def end(self) -> None:
+        self._over.set()
+        self.thread.join()
+
+
+def test_a_board_at_a_serial_port(tmp_path: Path) -> None:
+    """Through pyserial and a pseudo-terminal: greeting, readings, drives, a stop, and the port that is gone."""
+    pytest.importorskip("serial")
+    terminal = Terminal(tmp_path)
+    board = device_at(f"serial:{terminal.board.port}")
+    board.open(1.0)
+    board.write(0.25)
+    assert board.read()[2:] == (0.25, "driving")
+    assert terminal.board.baud == 500_000
+    board.stop()
+    assert board.read()[2:] == (0.0, "stopped")
+    board.open(1.0)
+    board.write(-1.0)
+    assert board.read()[2:] == (-1.0, "driving")
+    terminal.end()
+    terminal.board.unplug()
+    with pytest.raises(DeviceError, match=r"The line to the board at serial:.*ttyBOARD is cut"):
+        board.read()
+    board.close()
 
 
 def test_a_board_that_does_not_start_says_why() -> None:
