@@ -16,6 +16,8 @@ from contextlib import suppress
 from dataclasses import KW_ONLY, dataclass
 from typing import Any, ClassVar, NamedTuple, Protocol
 
+import numpy as np
+
 from pendulum_env.bench.firmware import TICK
 from pendulum_env.bench.protocol import (
     BAUD,
@@ -440,7 +442,7 @@ def device_at(address: Any, scene: Any = "lab", **keywords: Any) -> Device:
     ``scene`` and ``keywords`` are of the virtual one, where its address names no other scene. A device is returned as
     it is. Raises DeviceError for another name.
     """
-    given = " and ".join(word for word, value in keywords.items() if value)
+    given = " and ".join(word for word, value in keywords.items() if np.any(value))
     if isinstance(address, Device):
         if given:
             raise DeviceError(f"{given} cannot be chosen beside a device; give it to the device itself.")
