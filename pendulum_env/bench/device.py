@@ -384,19 +384,22 @@ class VirtualBoard(Checked, Board):
                         "observation_delay": self.observation_delay,
                         "sensor": self.sensor or Sensor(quantum=math.tau / STEPS_PER_TURN)}
             wanted = Wanted(server.getsockname()[1], keywords, self.angle, self.velocity, self.seed, self.log)
+            try:
+                told = pickle.dumps(wanted)
+            except (pickle.PicklingError, AttributeError, TypeError) as error:
+                raise DeviceError(f"The virtual board's settings cannot be handed to its process ({error}); define the "
+                                  "scene's own effects in a module.") from None
             process = subprocess.Popen([sys.executable, "-m", "pendulum_env.bench.virtual_board"],
                                        stdin=subprocess.PIPE, stderr=subprocess.PIPE)
             self.process = process
             assert process.stdin is not None
             assert process.stderr is not None
             with suppress(OSError), process.stdin as pipe:
-                pipe.write(pickle.dumps(wanted))
+                pipe.write(told)
             until = time.monotonic() + START
             while not select.select([server], [], [], 0.05)[0]:
                 if process.poll() is not None:
-                    said = process.stderr.read().decode("utf-8", "replace").strip().splitlines()
-                    ended(process)
-                    raise DeviceError(f"The virtual board has not started: {said[-1] if said else 'it said nothing'}.")
+                    raise DeviceError(f"The virtual board has not started: {self._last_words() or 'it said nothing'}.")
                 if time.monotonic() > until:
                     process.kill()
                     ended(process)
@@ -409,6 +412,23 @@ class VirtualBoard(Checked, Board):
         """Cut the line; the process ends by itself."""
         super().close()
         self._end()
+
+    def _lost(self) -> DeviceError:
+        words = self._last_words()
+        return DeviceError(f"The virtual board has ended: {words}.") if words else super()._lost()
+
+    def _last_words(self) -> str:
+        """Return the last line that the process wrote before it ended, "" if it did not end by itself."""
+        assert self.process is not None
+        with suppress(subprocess.TimeoutExpired):
+            self.process.wait(1.0)
+        if not self.process.returncode:
+            return ""
+        stream, lines = self.process.stderr, list[str]()
+        if stream is not None and not stream.closed:
+            lines = stream.read().decode("utf-8", "replace").strip().splitlines()
+        ended(self.process)
+        return lines[-1].rpartition("Error: ")[2].rstrip(".") if lines else ""
 
     def _end(self) -> None:
         if self._finish is not None:

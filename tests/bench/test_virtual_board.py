@@ -229,6 +229,27 @@ def test_a_board_that_does_not_start_says_why() -> None:
     board.close()
 
 
+@pytest.mark.slow
+def test_a_motion_that_cannot_go_on_is_said() -> None:
+    """Drag that forward Euler cannot integrate in steps of a millisecond, with a bob that is thrown."""
+    scene = SCENES["lab"].replace(gamma=1e5)
+    board = VirtualBoard(scene, integrator="forward_euler", velocity=1.0)
+    board.open(0.06)
+    process = board.process
+    assert process is not None
+    process.wait(60.0)
+    with pytest.raises(DeviceError, match=r"The virtual board has ended: the simulated motion stopped \(diverged\)"):
+        board.read()
+    board.close()
+
+
+def test_settings_that_no_other_process_can_have_are_refused() -> None:
+    board = VirtualBoard("lab")
+    vars(board)["scene"] = lambda: None  # as a function of a scene's own effect
+    with pytest.raises(DeviceError, match="cannot be handed to its process"):
+        board.open(0.06)
+
+
 @pytest.mark.parametrize(("keywords", "said"), [
     ({"action_delay": 0.0005}, "action_delay must be a whole number of steps of 0.001 s"),
     ({"sensor": 3}, "sensor must be a Sensor"), ({"integrator": "rk5"}, "rk5"), ({"seed": -1}, "seed")])
