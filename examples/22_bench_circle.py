@@ -14,7 +14,7 @@ from pendulum_env.bench import VirtualBoard
 from pendulum_env.lab import DrivenLog, fit_driven
 from pendulum_env.tasks import Task
 
-RUNS, STEPS = 3, 400
+RUNS, STEPS = 3, 300
 NOMINAL = SCENES["motor_bench"]
 HIDDEN = NOMINAL.replace(length=0.56, friction_torque=0.06, bearing_viscosity=0.05, max_torque=1.2, lag=0.02)
 

@@ -1,8 +1,8 @@
 """Real time of ``LabPendulumBench-v0`` on the virtual bench: jitter and missed steps at 100 and 500 Hz.
 
 ``python examples/benchmarks/bench_clock.py`` makes 10 000 steps at each rate, in two minutes, and prints, by the clock
-of the device, the standard deviation and the largest deviation of the readings' times from even ones, how late actions
-were sent, and the steps that were left out. An episode that the watchdog ends is begun again and counted.
+of the device, which counts milliseconds, the deviations of the readings' times from even ones, how late actions were
+sent, and the steps that were left out. An episode that the watchdog ends is begun again and counted.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def measured(rate: float, steps: int) -> str:
             at, step = np.array(kept).T
             times.append(at - step / rate)
     env.close()
-    off = 1e3 * np.concatenate([part - np.median(part) for part in times])
+    off = 1e3 * np.concatenate([part - np.median(part) for part in times]).round(6)
     late_ms = 1e3 * np.array(late)
     return (f"| {rate:g} Hz | {len(late)} | {np.std(off):.2g} ms | {np.percentile(np.abs(off), 99):.2g} ms | "
             f"{np.abs(off).max():.2g} ms | {np.median(late_ms):.2g} ms | {missed} | {stopped} |")

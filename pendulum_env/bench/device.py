@@ -16,6 +16,8 @@ from contextlib import suppress
 from dataclasses import KW_ONLY, dataclass
 from typing import Any, ClassVar, NamedTuple, Protocol
 
+import numpy as np
+
 from pendulum_env.bench.firmware import TICK
 from pendulum_env.bench.protocol import (
     BAUD,
@@ -156,6 +158,7 @@ class Board(Device):
         self._sequence = 0
         self._frames = Frames()
         self._counts, self._wraps, self._micros = 0, 0, 0
+        self._parting: Any = None
 
     @abstractmethod
     def connect(self) -> Line:
@@ -171,6 +174,7 @@ class Board(Device):
         patience = self.patience
         if self._line is None:
             self._line, self._frames, patience = self.connect(), Frames(), BOOT / 10
+            self._parting = weakref.finalize(self, parted, self._line)  # also where a program ends without close()
         answer = self._asked("H", (max(1, round(1000.0 * watchdog)),), "I", 10, patience)
         if len(answer.numbers) != 3 or answer.numbers[0] != VERSION or answer.numbers[1] < 1:
             raise DeviceError(f"The board at {self} speaks another version of the protocol than {VERSION}; load the "
@@ -194,9 +198,8 @@ class Board(Device):
         if self._line is not None:
             with suppress(SceneError):
                 self.stop()
-            line, self._line = self._line, None
-            with suppress(OSError):
-                line.close()
+            self._line = None
+            self._parting()
 
     def _next(self) -> int:
         self._sequence = (self._sequence + 1) % SEQUENCES
@@ -245,6 +248,14 @@ class Board(Device):
         self._micros = micros
         return Reading(1e-6 * (micros + MICROS * self._wraps), math.tau * count / self._counts, drive / FULL,
                        STATES[state])
+
+
+def parted(line: Line) -> None:
+    """Tell a board to stop, without waiting for its answer, and close the line."""
+    with suppress(OSError):
+        line.send(encoded(Frame("S", 0)))
+    with suppress(OSError):
+        line.close()
 
 
 class SerialLine:
@@ -373,42 +384,59 @@ class VirtualBoard(Checked, Board):
                         "observation_delay": self.observation_delay,
                         "sensor": self.sensor or Sensor(quantum=math.tau / STEPS_PER_TURN)}
             wanted = Wanted(server.getsockname()[1], keywords, self.angle, self.velocity, self.seed, self.log)
+            try:
+                told = pickle.dumps(wanted)
+            except (pickle.PicklingError, AttributeError, TypeError) as error:
+                raise DeviceError(f"The virtual board's settings cannot be handed to its process ({error}); define the "
+                                  "scene's own effects in a module.") from None
             process = subprocess.Popen([sys.executable, "-m", "pendulum_env.bench.virtual_board"],
                                        stdin=subprocess.PIPE, stderr=subprocess.PIPE)
             self.process = process
             assert process.stdin is not None
             assert process.stderr is not None
             with suppress(OSError), process.stdin as pipe:
-                pipe.write(pickle.dumps(wanted))
+                pipe.write(told)
             until = time.monotonic() + START
             while not select.select([server], [], [], 0.05)[0]:
                 if process.poll() is not None:
-                    said = process.stderr.read().decode("utf-8", "replace").strip().splitlines()
-                    ended(process)
-                    raise DeviceError(f"The virtual board has not started: {said[-1] if said else 'it said nothing'}.")
+                    raise DeviceError(f"The virtual board has not started: {self._last_words() or 'it said nothing'}.")
                 if time.monotonic() > until:
                     process.kill()
                     ended(process)
                     raise DeviceError(f"The virtual board has not started within {START:g} s; try again when the "
                                       "computer is less busy.")
-            line = SocketLine(server.accept()[0])
-            self._finish = weakref.finalize(self, ended, process, line)  # also where a program ends without close()
-            return line
+            self._finish = weakref.finalize(self, ended, process)
+            return SocketLine(server.accept()[0])
 
     def close(self) -> None:
         """Cut the line; the process ends by itself."""
         super().close()
         self._end()
 
+    def _lost(self) -> DeviceError:
+        words = self._last_words()
+        return DeviceError(f"The virtual board has ended: {words}.") if words else super()._lost()
+
+    def _last_words(self) -> str:
+        """Return the last line that the process wrote before it ended, "" if it did not end by itself."""
+        assert self.process is not None
+        with suppress(subprocess.TimeoutExpired):
+            self.process.wait(1.0)
+        if not self.process.returncode:
+            return ""
+        stream, lines = self.process.stderr, list[str]()
+        if stream is not None and not stream.closed:
+            lines = stream.read().decode("utf-8", "replace").strip().splitlines()
+        ended(self.process)
+        return lines[-1].rpartition("Error: ")[2].rstrip(".") if lines else ""
+
     def _end(self) -> None:
         if self._finish is not None:
             self._finish()
 
 
-def ended(process: subprocess.Popen[bytes], line: Line | None = None) -> None:
-    """Cut the line to a virtual board, wait for its process to end, and end it if it does not."""
-    if line is not None:
-        line.close()
+def ended(process: subprocess.Popen[bytes]) -> None:
+    """Wait for the process of a virtual board, whose line is cut, to end, and end it if it does not."""
     try:
         process.wait(5.0)
     except subprocess.TimeoutExpired:
@@ -434,15 +462,17 @@ def device_at(address: Any, scene: Any = "lab", **keywords: Any) -> Device:
     ``scene`` and ``keywords`` are of the virtual one, where its address names no other scene. A device is returned as
     it is. Raises DeviceError for another name.
     """
+    given = " and ".join(word for word, value in keywords.items() if np.any(value))
     if isinstance(address, Device):
+        if given:
+            raise DeviceError(f"{given} cannot be chosen beside a device; give it to the device itself.")
         return address
     if not isinstance(address, str):
         raise DeviceError(f"device must be an address, as {' or '.join(forms())}, or a Device, not {shown(address)}.")
     name, _, place = address.partition(":")
     if name == VirtualBoard.name:
         return VirtualBoard(place or scene, **keywords)
-    if any(keywords.values()):
-        given = " and ".join(word for word, value in keywords.items() if value)
+    if given:
         raise DeviceError(f"{given} cannot be chosen, as a real bench has its own; leave it out.")
     if name == SerialBoard.name:
         return SerialBoard(place)

@@ -99,8 +99,8 @@ class LabPendulumBenchEnv(LabPendulumEnv):
     ## Starting State
 
     `reset` brakes with the motor, waits until the bob hangs at rest, and takes the angle there as 0, or keeps the zero
-    of the run before if it is within 0.05 rad. Tasks that start
-    upright are brought there by the controller of `pendulum_env.controllers`. Other starts raise DeviceError.
+    of the run before if it is within 0.05 rad. For tasks that start upright the controller of
+    `pendulum_env.controllers` then brings it there. Other starts raise DeviceError.
 
     ## Episode End
 
@@ -134,7 +134,7 @@ class LabPendulumBenchEnv(LabPendulumEnv):
     @taking(BenchSettings)
     def __init__(self, given: BenchSettings) -> None:
         plain = _plain(given)
-        self._twin: Any = None
+        self._beside: Any = None
         self._readings: deque[Reading] = deque(maxlen=1)
         self._journal: Journal | None = None
         LabPendulumEnv.__init__.__wrapped__(self, plain)  # type: ignore[attr-defined]
@@ -200,8 +200,8 @@ class LabPendulumBenchEnv(LabPendulumEnv):
 
     def _start(self, angle: float, velocity: float) -> tuple[NDArray[np.float32], dict[str, Any]]:
         if self._settings.twin:
-            self._twin = self._machine.state(angle, velocity)
-            self._machine.advance(self._twin, 0.0, self._h, 0)
+            self._beside = self._machine.state(angle, velocity)
+            self._machine.advance(self._beside, 0.0, self._h, 0)
         self._first_energy = None
         return super()._start(angle, velocity)
 
@@ -286,7 +286,7 @@ class LabPendulumBenchEnv(LabPendulumEnv):
         if skipped:
             self._missed += skipped
             self._tell_of_slowness()
-        if self._twin is not None:
+        if self._beside is not None:
             self._go_beside(share, before.drive, skipped)
         if abs(self._readings[-1].angle - self._zero) > math.tau * self._settings.turn_limit and not self._ended:
             self._ended = "turns"
@@ -345,20 +345,20 @@ class LabPendulumBenchEnv(LabPendulumEnv):
         machine = self._machine
         for action, count in ((last, skipped), (share, 1)):
             if count:
-                machine.advance(self._twin, action, self._h, count * self._substeps)
+                machine.advance(self._beside, action, self._h, count * self._substeps)
 
     def _info(self, values: list[float]) -> dict[str, Any]:
         info = {name: value for name, value in super()._info(values).items()
                 if not name.startswith(("work", "heat", "energy_residual"))}
         info["time"] = self._readings[-1].time - self._began
         info["time_late"], info["missed"] = self._late, self._missed
-        if self._twin is not None:
-            ahead = info["time"] - float(self._twin[INDEX]) * self._h
-            angle, velocity = motion_of(self._twin)
+        if self._beside is not None:
+            ahead = info["time"] - float(self._beside[INDEX]) * self._h
+            angle, velocity = motion_of(self._beside)
             info["twin_angle"] = angle + ahead * velocity
             info["angle_residual"] = info["angle"] - info["twin_angle"]
             if "energy" in info:
-                twin = self._machine.info(self._twin.tolist() if self._machine.compiled else self._twin)
+                twin = self._machine.info(self._beside.tolist() if self._machine.compiled else self._beside)
                 if self._first_energy is None:
                     self._first_energy = info["energy"]
                 info["work"], info["heat"] = twin["work"], twin["heat"]

@@ -23,6 +23,7 @@ from pendulum_env.bench.protocol import (
     encoded,
 )
 from pendulum_env.envs.env import LabPendulumEnv
+from pendulum_env.physics.units import SceneError
 
 TICK = 0.001
 """Time between two looks of the firmware at its motor [s], which is the control step of its simulated pendulum."""
@@ -63,17 +64,20 @@ class Plant:
         quantum = getattr(getattr(self._env, "sensor"), "quantum", 0.0)  # noqa: B009  (an attribute by its declaration)
         self.counts = round(math.tau / quantum) if quantum else FINE
         self._action: Any = np.zeros(1)
-        self._info: dict[str, float] = self._env.reset(seed=seed, options={"angle": angle, "velocity": velocity})[1]
+        self._info: dict[str, Any] = self._env.reset(seed=seed, options={"angle": angle, "velocity": velocity})[1]
 
     @property
     def count(self) -> int:
         """What the encoder has counted."""
-        return round(self._info["observed_angle"] * self.counts / math.tau)
+        return round(float(self._info["observed_angle"]) * self.counts / math.tau)
 
     def step(self, share: float) -> None:
-        """Go on by one tick under a share of the motor's largest torque."""
+        """Go on by one tick under a share of the motor's largest torque; SceneError if the motion cannot go on."""
         self._action[0] = share
         self._info = self._env.step(self._action)[4]
+        if self._info["stop_reason"]:
+            raise SceneError(f"the simulated motion stopped ({self._info['stop_reason']}); choose another integrator "
+                             "or scene")
 
 
 class Firmware:

@@ -170,6 +170,16 @@ def test_reset_brings_a_swinging_bob_to_rest_and_finds_the_zero(bench: Any) -> N
     assert board.clock < 30.0
 
 
+def test_runs_of_one_bench_have_one_zero(bench: Any) -> None:
+    """Unless the bob hangs farther from it than dry friction explains; whole turns are no difference."""
+    board = SimulatedBoard(counts=10**6)
+    env = bench(board)
+    env.reset()
+    for moved, seen in ((0.02, 0.02), (math.tau, 0.02), (0.2, 0.0), (-0.01, -0.01)):
+        board.bob.offset += moved
+        assert env.reset()[1]["angle"] == pytest.approx(seen, abs=1e-3)
+
+
 def test_reset_brings_the_bob_upright_for_balance(bench: Any) -> None:
     board = SimulatedBoard()
     env = bench(board, task="balance")
@@ -313,6 +323,24 @@ def test_no_step_within_three_dt_stops_the_motor(bench: Any) -> None:
     assert info["missed"] >= 50
     env.reset()
     assert steps(env, 0 * FULL)["stop_reason"] == ""
+
+
+def test_a_policy_that_is_slower_than_dt_is_told_so_and_the_clock_goes_on(bench: Any) -> None:
+    env, board = moving(bench, board=SimulatedBoard(counts=10**6), twin=True)
+    before = env.step(FULL)[4]
+    assert (before["missed"], before["time_late"]) == (0, 0.0)
+    board.wait(board.clock + 0.035)
+    with pytest.warns(UserWarning, match=r"An action came 35 ms after .* dt=20 ms, so that a control step was left"):
+        late = env.step(FULL)[4]
+    after = env.step(FULL)[4]  # said once
+    assert late["time_late"] == pytest.approx(0.035)
+    assert late["time"] == pytest.approx(before["time"] + 0.04, abs=0.0011)  # by the same even clock
+    assert after["time"] == pytest.approx(before["time"] + 0.06, abs=0.0011)
+    assert (late["missed"], after["missed"], after["time_late"]) == (1, 1, 0.0)
+    for info in (before, late, after):  # the twin has gone through the same time
+        assert abs(info["angle_residual"]) < 0.001
+    board.wait(board.clock + 0.025)
+    assert env.step(FULL)[4]["missed"] == 2
 
 
 @pytest.mark.parametrize("fault", [KeyboardInterrupt, RuntimeError, MemoryError])
@@ -486,7 +514,8 @@ def test_a_log_without_a_place_is_in_a_folder_for_temporary_files(bench: Any) ->
     ({"confirm": False}, "confirm must be True, None or a function of the question, not False"),
     ({"device": "virtuel"}, "There is no device 'virtuel'; did you mean virtual"),
     ({"device": 3}, "device must be an address, as virtual"), ({"device": "serial"}, "serial needs the name of a port"),
-    ({"turn_limit": 0.0}, "turn_limit"),
+    ({"turn_limit": 0.0}, "turn_limit"), ({"action_delay": 0.02}, "action_delay cannot be chosen beside a device"),
+    ({"device": "serial:/dev/ttyNONE", "sensor": {"noise": 0.1}}, "sensor cannot be chosen, as a real bench has its"),
 ])
 def test_what_a_bench_cannot_be_is_refused(bench: Any, keywords: dict[str, Any], said: str) -> None:
     with pytest.raises(SceneError, match=said):

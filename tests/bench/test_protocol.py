@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
+from readme_code import READMES
 from simulated_board import Bob, SimulatedBoard
 
 from pendulum_env.bench.firmware import Firmware
@@ -61,6 +64,12 @@ def asked(board: Firmware, letter: str, *numbers: int, at: float) -> tuple[int, 
     answers = Frames().feed(board.receive(encoded(Frame(letter, 5, numbers)), at))
     assert all(answer.sequence == 5 for answer in answers)
     return answers[0].numbers if answers else ()
+
+
+def test_the_pages_example_is_a_frame() -> None:
+    found = re.search(r"For example `(.*?)`", READMES["pendulum_env/bench/README.md"])
+    assert found
+    assert decoded(found[1].encode()) == Frame("D", 17, (-250,))
 
 
 def test_a_firmware_obeys_from_its_greeting_to_a_stop() -> None:

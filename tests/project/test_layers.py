@@ -73,7 +73,7 @@ REACH: dict[str, tuple[str, ...]] = {
     "pendulum_env.controllers": ("numba", "scipy", "gymnasium"),
     "pendulum_env.auto": ("numba", "scipy"),
     "pendulum_env.lab": ("numba", "scipy"),
-    "pendulum_env.study": ("numba", "scipy", "matplotlib", "pygame", "moviepy"),
+    "pendulum_env.study": ("numba", "scipy", "matplotlib", "pygame", "moviepy", "gymnasium"),  # it lists the bench
     "pendulum_env.hard_cases": ("numba", "scipy", "matplotlib"),
 }
 """Room -> the heavy packages that its modules may reach, themselves or through what they import."""

@@ -36,6 +36,7 @@ SHORTER = {
     "lab-pendulum list formats --all": "", "lab-pendulum list sources --all": "",
     "lab-pendulum list ids --all": "", "lab-pendulum list settings --all": "", "lab-pendulum acquire --help": "",
     "lab-pendulum acquire": "--headless --duration 0.3",
+    "lab-pendulum acquire --from bench": "--headless --duration 0.3",
     "lab-pendulum acquire --from virtual --headless --duration 30 --out swing.csv": "--duration 0.3",
     "lab-pendulum measure --oscillations 6": "",
     'lab-pendulum measure --amplitudes "0:30, 10:25.9, 20:22.2, 45:15.4"': "",
@@ -94,6 +95,7 @@ ELSEWHERE = {
     "python tests/support/in_node.py": "engine/test_javascript.py",
     "lab-pendulum acquire --from serial:/dev/ttyUSB0 --counts 2400": "bench/test_serial_port.py",
     "lab-pendulum acquire --from serial:/dev/ttyACM0": "bench/test_serial_port.py",
+    "lab-pendulum acquire --from bench:serial:/dev/ttyACM0 --scene my_bench.json": "bench/test_bench_source.py",
     "python tests/fuzzing/fuzz.py --seconds 60": "fuzzing/test_fuzz.py",
 }
 """Command -> the file of tests that runs it."""

@@ -21,11 +21,11 @@ class Bob:
                  gamma: float = 0.02, counts: int = 2400, offset: float = 0.0, noise: float = 0.0) -> None:
         self.angle, self.velocity, self.counts = angle, velocity, counts
         self._omega2, self._rate, self._gamma = 9.81 / length, torque / (0.04 * length**2), gamma
-        self._offset, self._noise, self._random = offset, noise, random.Random(0)
+        self.offset, self._noise, self._random = offset, noise, random.Random(0)
 
     @property
     def count(self) -> int:
-        seen = self.angle + self._offset + self._noise * self._random.gauss(0.0, 1.0)
+        seen = self.angle + self.offset + self._noise * self._random.gauss(0.0, 1.0)
         return round(seen * self.counts / math.tau)
 
     def step(self, share: float) -> None:
