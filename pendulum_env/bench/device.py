@@ -13,7 +13,7 @@ import weakref
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
@@ -333,7 +333,15 @@ def checked_late(value: Any, name: str) -> Any:
 
 
 @dataclass(repr=False, eq=False)
-class VirtualBoard(Checked, Board):
+class Hung(Checked):
+    """The one setting of a virtual board that may be given without its name."""
+
+    scene: Any = setting("lab", "what swings: a preset's name, a dict, a Scene, or a scene's JSON file",
+                         lambda value, name: find_scene(value))
+
+
+@dataclass(repr=False, eq=False, kw_only=True)
+class VirtualBoard(Hung, Board):
     """A simulated bench in a process of its own, in real time: serial protocol, firmware and watchdog of a real one.
 
     Its scene is integrated in steps of a millisecond. Raises SceneError for an invalid value.
@@ -348,9 +356,6 @@ class VirtualBoard(Checked, Board):
     real: ClassVar[bool] = False
     patience: ClassVar[float] = 1.0
 
-    scene: Any = setting("lab", "what swings: a preset's name, a dict, a Scene, or a scene's JSON file",
-                         lambda value, name: find_scene(value))
-    _: KW_ONLY
     sensor: Any = setting(None, "how the angle is read: a Sensor, or a dict of its values", checked_sensor,
                           optional=True, note="None: an encoder with 2400 counts in a turn")
     observation_delay: float | Sequence[float] = setting(0.0, "delay of readings", checked_late, unit="s",
