@@ -207,7 +207,7 @@ def orbit(at: Axes, run: ExerciseMotion, true: tuple[Array, Array], labels: Labe
 
 def halved(worked: Worked, labels: Labels) -> Figure:
     """Draw the energy of forward Euler with the step, half of it, and so on."""
-    drawing = blank((WIDTH, 3.4))
+    drawing = blank((WIDTH, 3.0))
     with drawn():
         at = drawing.subplots()
         for k, run in enumerate(worked.small.halves):
@@ -308,7 +308,7 @@ def energy_and_phase(run: ExerciseMotion, period: float, true: tuple[Array, Arra
 
     ``period`` is that of the swings [s].
     """
-    drawing = blank((WIDTH, 3.3))
+    drawing = blank((WIDTH, 3.1))
     with drawn():
         whole, first, phase = drawing.subplots(1, 3, width_ratios=(1.0, 1.0, 1.15))
         for at, end in ((whole, float(run.time[-1])), (first, min(FIRST_SWINGS * period, float(run.time[-1])))):
@@ -359,7 +359,7 @@ def envelope(worked: Worked, labels: Labels) -> Figure:
     size = np.log(readings.amplitude)
     middle = float(np.mean(size + 0.5 * friction.gamma.value * readings.time))
     at_all = np.linspace(0.0, float(points.time[-1]), 50)
-    drawing = blank((WIDTH, 3.6))
+    drawing = blank((WIDTH, 3.0))
     with drawn():
         at = drawing.subplots()
         at.plot(points.time, np.degrees(points.amplitude), markersize=3.4, label=labels["all_amplitudes"],

@@ -75,6 +75,21 @@ def test_all_legends_are_in_their_figures(worked: Worked) -> None:
             assert box is None or (box.x0 >= 0.0 and box.x1 <= figure.bbox.width and box.y1 <= figure.bbox.height)
 
 
+def test_a_page_may_end_between_the_rows_of_a_figure(worked: Worked) -> None:
+    strips = figures.large_strips(worked, LABELS)
+    places, height = figures.cuts(strips), strips.bbox.height
+    assert len(places) == len(strips.axes) - 1
+    for place, upper, lower in zip(places, strips.axes, strips.axes[1:], strict=False):
+        assert upper.get_tightbbox().y0 >= (1.0 - place) * height >= lower.get_tightbbox().y1  # type: ignore[union-attr]
+    assert figures.cuts(figures.periods(worked, LABELS)) == [], "its rows share the axis of amplitudes"
+    svg = '<svg width="9" viewBox="0 0 100 60" version="1.1"><g id="a"><path clip-path="url(#a)"/></g></svg>'
+    page = str(report.inlined(svg, "n", "Figure 1", [0.25, 0.5]))
+    assert re.findall('viewBox="([^"]*)"', page) == ["0 0.0 100.0 15.0", "0 15.0 100.0 15.0", "0 30.0 100.0 30.0"]
+    assert page.count('<use href="#n-drawing"/>') == 2
+    assert page.count('aria-label="Figure 1"') == page.count('id="n-drawing"') == page.count("url(#n-a)") == 1
+    assert "<use" not in report.inlined(svg, "n", "Figure 1")
+
+
 def by_hand() -> dict[str, list[float]]:
     """The exercise's loops, written out: energies over the first one, 10 s in steps of 0.01 s from 5 degrees."""
     square, dt, angle = 9.8 / 0.353, 0.01, math.radians(5.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import json
+import math
 import re
 import shlex
 import shutil
@@ -25,8 +26,11 @@ INLINE = [" ".join(text.split()) for page in READMES.values() for text in re.fin
 COMMANDS = {text for text in INLINE if re.match(r"lab-pendulum \w+ .|python (examples|tests)/", text)} | {
     line for block in BLOCKS for line in block.splitlines() if "&&" not in line}
 BY_HAND = {"lengths.csv": "length (cm),10 T (s)\n20,8.97\n40,12.69\n60,15.54\n80,17.94\n",
-           "kater.csv": "position (cm),T1 (s),T2 (s)\n0,1.990,1.970\n10,2.001,2.001\n20,2.012,2.032\n"}
-"""Tables by hand that commands read."""
+           "kater.csv": "position (cm),T1 (s),T2 (s)\n0,1.990,1.970\n10,2.001,2.001\n20,2.012,2.032\n",
+           "cursor.csv": "time (s),amplitude (deg)\n0.60,-29.5\n4.22,-25.5\n7.83,-22.0\n11.42,-19.5\n15.00,-17.0\n",
+           "phyphox.csv": '"Time (s)","Gyroscope x (rad/s)","Gyroscope y (rad/s)","Gyroscope z (rad/s)"\n' + "".join(
+               f"{k / 50:E},0,0,{-2.6 * math.exp(-0.02 * k / 50) * math.sin(5.27 * k / 50):E}\n" for k in range(1000))}
+"""Tables that commands read: by hand, and of a phone's gyroscope."""
 PREPARED = "lab-pendulum fit swing.txt --length 0.65 --length-error 0.01 --mass 0.0415"
 """Makes what the comparison with a recording takes, beside the recording itself."""
 SHORTER = {
@@ -63,6 +67,10 @@ SHORTER = {
     "lab-pendulum track swing.mp4 --length 0.353": "",
     "lab-pendulum fit swing.mp4 --mass 0.01 --radius 0.02": "--effects linear",
     "lab-pendulum exercise --recording swing.mp4": "",
+    'lab-pendulum exercise --period 1.192 --length 0.353 --amplitudes "5:14.6cm, 14:10.7cm, 24:8.2cm, 43:5.3cm" '
+    "--lengths lengths.csv": "",
+    "lab-pendulum exercise --period 1.193 --period-error 0.002 --length 0.353 --amplitudes cursor.csv": "",
+    "lab-pendulum exercise --recording phyphox.csv --length 0.353": "",
     PREPARED: "",
     'lab-pendulum exercise --recording swing.txt --length 0.353 --mass 0.04 --radius 0.0107 --name "Ada Lovelace"': "",
     "lab-pendulum compare --scene scene.json --recording swing.txt": "--integrators rk4 --duration 1",
