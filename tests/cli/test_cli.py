@@ -285,6 +285,7 @@ def test_a_warning_is_one_sentence_said_once(tmp_path: Path) -> None:
 
 OPTIONS: Mapping[str, Any] = typer.main.get_command(cli.app).commands  # type: ignore[attr-defined]
 ELSE = {"--out": "a folder or, of commands that write one file, it", "-o": "the same", "--scene": "one or several",
+        "--language": "of a program, or of a report's sentences",
         "--period-error": "of the given period, or of each period in a table by hand",
         **dict.fromkeys(("--angle", "--columns", "--duration", "--rate", "--seed", "--unit"),
                         "the same of a source of acquire, whose help names the sources that have it")}

@@ -36,7 +36,7 @@ OPTIONS: Mapping[str, str] = {
     "period": "positive", "own_step": "none of these", "walker_steps": "count", "steps_per_period": "count",
     "control_step": "positive", "command": "word", "window": "count", "integrators": "word",
     "period_error": "none of these", "amplitude": "none of these", "name": "short text", "wait": "wait",
-    **dict.fromkeys(("speed", "counts", "baud", "patience", "channel", "clock", "bind"), "none of these"),
+    **dict.fromkeys(("speed", "policy", "counts", "baud", "patience", "channel", "clock", "bind"), "none of these"),
 }
 """Kinds of the values of options that are not keywords, or whose text is of another kind than the keyword.
 

@@ -121,9 +121,9 @@ def test_spectral_radii_at_infinity_are_the_stated_ones() -> None:
 
 
 def test_leading_errors_in_words() -> None:
-    assert leading_error("ab2").text == "-5 h^3 theta'''/12 a step; " + (
-        "amplitude x exp(+omega0^4 h^3 t/4); frequency +5 (omega0 h)^2/12")
-    assert "amplitude kept" in leading_error("numerov").text
+    assert leading_error("ab2").text == "error of the angle in a step: -5 h^3 theta'''/12; " + (
+        "amplitude after a time t: times exp(+omega0^4 h^3 t/4); frequency: +5 (omega0 h)^2/12 of its value")
+    assert "amplitude exact" in leading_error("numerov").text
 
 
 @pytest.mark.parametrize("wrong", [lambda: error_constant("rk4"), lambda: stability_angle("numerov"),
