@@ -33,6 +33,8 @@ ENGLISH = "en"
 """Language of a report for which none is chosen."""
 POINT = re.compile(r"(?<=\d)\.(?=\d)")
 """Point between the digits of a number."""
+ENDS = re.compile(r"(<math>(?:(?!</math>).)*</math>[.,;:)]+)")
+"""An equation and the signs behind it, which stay on its line."""
 VALUE = re.compile(r"\{(\w+)\}")
 """Place of a value in a sentence."""
 
@@ -72,7 +74,7 @@ class Language:
         for k in range(len(parts)):
             parts[k] = mathml(parts[k]) if k % 2 else VALUE.sub(
                 lambda found: str(escape(self.shown(values[found[1]]))), parts[k])
-        return Markup("".join(parts))
+        return Markup(ENDS.sub(r'<span class="whole">\1</span>', "".join(parts)))
 
     def localised(self, drawing: Figure) -> Figure:
         """Return a figure whose numbers have the language's decimal sign, those of its axes, too."""

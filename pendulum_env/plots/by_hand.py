@@ -33,7 +33,7 @@ WORDS: Words = {
     "bessel": "g by Bessel's\nformula [m/s²]",
 }
 """Texts of the figures in English; a report in another language gives its own."""
-SIZE = (8.0, 6.4)
+SIZE = (8.0, 4.6)
 """Size of a figure with two panels [inch]."""
 COLOURS = {"constant": OKABE_ITO["orange"], "linear": OKABE_ITO["vermillion"], "quadratic": OKABE_ITO["blue"]}
 """Colour of the envelope of each law of damping."""
