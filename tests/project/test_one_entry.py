@@ -115,7 +115,7 @@ def test_new_entries_in_their_places_are_all_that_has_to_be_written(tmp_path: Pa
         kept = path.read_text(encoding="utf-8").splitlines()
         assert all(line.rstrip(",") in (other.rstrip(",") for other in kept) for line in text.splitlines())
     assert done(tmp_path, *command) == "", "nothing is new the second time"
-    tested = done(tmp_path, "-m", "pytest", "-q", "-n", "2", "-p", "no:cacheprovider", "-p", "only_new")
+    tested = done(tmp_path, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "only_new")
     found = re.search(r"(\d+) passed", tested)
     assert found, tested[-3000:]
     assert int(found[1]) > 800, "cases of new entries and tests of whole registries"
