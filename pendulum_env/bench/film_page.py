@@ -32,9 +32,10 @@ from pendulum_env.lab.film.frames import Film, Shots
 from pendulum_env.physics.units import one_of
 from pendulum_env.web.document import ASSETS as WEB
 
-SCRIPTS = (WEB / "elements.js", WEB / "drawing.js", WEB / "plots.js", ASSETS / "server.js", ASSETS / "film.js")
-"""Scripts of the page, in the order in which they stand in it; the first three are the lab's."""
-STYLES = (WEB / "lab.css", ASSETS / "film.css")
+SCRIPTS = (WEB / "elements.js", WEB / "languages.js", WEB / "drawing.js", WEB / "plots.js", ASSETS / "server.js",
+           ASSETS / "film.js")
+"""Scripts of the page, in the order in which they stand in it; the first four are the lab's."""
+STYLES = (WEB / "page.css", ASSETS / "layout.css", ASSETS / "film.css")
 """Styles of the page, those of the lab first."""
 SETTINGS = ("bob", "pivot", "length", "until", "drop", "rate")
 """Arguments of :func:`pendulum_env.lab.follow` that the page sets."""

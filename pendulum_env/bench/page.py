@@ -26,10 +26,10 @@ from pendulum_env.web.document import SHOWN_METHODS, titled
 
 ASSETS = Path(__file__).with_name("assets")
 """Folder of the page's layout, styles and script."""
-SCRIPTS = (WEB / "elements.js", WEB / "drawing.js", WEB / "plots.js", ASSETS / "server.js", ASSETS / "readings.js",
-           ASSETS / "acquire.js")
-"""Scripts of the page, in the order in which they stand in it; the first three are the lab's."""
-STYLES = (WEB / "lab.css", ASSETS / "acquire.css")
+SCRIPTS = (WEB / "elements.js", WEB / "languages.js", WEB / "drawing.js", WEB / "plots.js", ASSETS / "server.js",
+           ASSETS / "readings.js", ASSETS / "acquire.js")
+"""Scripts of the page, in the order in which they stand in it; the first four are the lab's."""
+STYLES = (WEB / "page.css", ASSETS / "layout.css", ASSETS / "acquire.css")
 """Styles of the page, those of the lab first."""
 
 

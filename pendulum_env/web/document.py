@@ -134,9 +134,9 @@ def page(
     }
     programs = json.dumps(list(texts), ensure_ascii=True)
     packed = base64.b64encode(zlib.compress(programs.encode(), 9)).decode()
-    read = {name: (ASSETS / name).read_text(encoding="utf-8") for name in ("lab.html", "lab.css", *SCRIPTS)}
+    read = {name: (ASSETS / name).read_text(encoding="utf-8") for name in ("lab.html", "page.css", "lab.css", *SCRIPTS)}
     parts = {
-        "style": f"{variables()}\n{read['lab.css']}",
+        "style": f"{variables()}\n{read['page.css']}{read['lab.css']}",
         "script": "\n".join([*(translated(inspect.getsource(one)) for one in (half_turns, without_half_turns)),
                              *(read[name] for name in SCRIPTS)]),
         "data": json.dumps(data, ensure_ascii=True, allow_nan=False).replace("<", "\\u003c"),

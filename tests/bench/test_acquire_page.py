@@ -658,7 +658,7 @@ def test_touch_on_a_phone(bench: Served) -> None:
             touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [
                 {"x": x, "y": y, "id": i} for i, (x, y) in enumerate(points)]})
 
-        x, y, length = box["x"] + 0.5 * box["width"], box["y"] + 0.42 * box["width"], 0.31 * box["width"]
+        x, y, length = box["x"] + 0.5 * box["width"], box["y"] + 0.4505 * box["width"], 0.325 * box["width"]
         finger("touchStart", (x, y + length))
         for degrees in (5, 10, 20):
             angle = math.radians(degrees)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-import sys
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -164,7 +164,7 @@ def test_a_key_never_waits_for_the_compiler(
     monkeypatch.setenv("LAB_PENDULUM_BACKEND", "compiled")
     monkeypatch.setenv("LAB_PENDULUM_CACHE", str(tmp_path))
     kernels.forget()  # no other test has compiled any
-    monkeypatch.setattr(sys.modules["pendulum_env.cli.show"], "METHOD_KEYS", {"5": "rk4"})
+    monkeypatch.setattr(import_module("pendulum_env.cli.show"), "METHOD_KEYS", {"5": "rk4"})
     taken: list[tuple[str, bool, bool]] = []
 
     def carried(old: Machine, values: Any, machine: Machine, *more: Any) -> Any:

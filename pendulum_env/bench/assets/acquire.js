@@ -247,9 +247,9 @@ function drawPendulum(colour) {
   if (byId("apparatus").hidden) return;
   const body = desk.body ?? DATA.body, now = desk.turned ?? desk.now, angle = Number.isFinite(now) ? now : 0;
   const beside = desk.state?.recording && desk.turned === undefined ? valueOf(desk.curves.beside, desk.trace.end) : NaN;
-  const lane = { ...body, machine: { last: { time: 0, angle: angle / DEGREES } }, colour: colour("bob"), shaken: () => 0,
+  const lane = { ...body, machine: { last: { time: 0, angle: angle / DEGREES } }, colour: colour("bob"), share: 1, shaken: () => 0,
     ghost: Number.isFinite(beside) ? { last: { angle: beside / DEGREES } } : null };
-  drawApparatus(byId("apparatus"), lane, 0, colour);
+  drawApparatus(byId("apparatus"), lane, 0, Math.PI, {}, colour);
 }
 
 function legend() {
@@ -600,7 +600,7 @@ function bobMoves() {
   let sent = 0;
   const place = (event) => {
     const box = canvas.getBoundingClientRect();
-    return { x: event.clientX - box.left, y: event.clientY - box.top, ...{ at: geometry(box.width) } };
+    return { x: event.clientX - box.left, y: event.clientY - box.top, ...{ at: geometry(box.width, Math.PI) } };
   };
   const aim = async (event, surely) => {
     const { x, y, at } = place(event), now = performance.now();

@@ -38,10 +38,10 @@ function geometry(width, reach) {
   return { x: 0.5 * width, y: Math.max(0.1, 0.08 + 1.14 * length * above) * width, length: length * width };
 }
 
-/** Draw one pendulum. `lane` has machine, ghost, colour, what it shows of energies, and `share`, its length over that of
+/** Draw one pendulum. `lane` has machine, ghost, colour, energies if they are shown, and `share`, its length over that of
  * the longest; `reach` is the largest angle that any of the pendulums has reached [rad]. */
 function drawApparatus(canvas, lane, torque, reach, shown, colour) {
-  const { context: c, width, height } = fitted(canvas, (wide) => 0.92 * wide + BAR);
+  const { context: c, width, height } = fitted(canvas, (wide) => 0.92 * wide + (lane.energies ? BAR : 0));
   const rest = geometry(width, lane.outline.length ? Math.PI : reach), length = rest.length * lane.share;
   const now = lane.machine.last;
   const [x, y] = [rest.x + lane.shaken("horizontal", now.time) * length, rest.y - lane.shaken("vertical", now.time) * length];
@@ -66,8 +66,8 @@ function drawApparatus(canvas, lane, torque, reach, shown, colour) {
     c.arc(x, y, 0.08 * width, 0.5 * Math.PI, 0.5 * Math.PI - 2.2 * torque, torque > 0);
     c.stroke();
   }
-  arrows(c, lane, x, y, length, width, shown, colour);
-  energyBar(c, lane, width, height, colour);
+  if (shown.velocity || shown.acceleration) arrows(c, lane, x, y, length, width, shown, colour);
+  if (lane.energies) energyBar(c, lane, width, height, colour);
 }
 
 /** Draw the post and the arm that hold the sensor at (x, y), which a drive may move away from its rest. */

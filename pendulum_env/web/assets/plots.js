@@ -35,11 +35,11 @@ function short(value) {
 
 /** Draw axes and curves.
  * plot: { x: [low, high], y: [low, high], log: bool, xlabel, ylabel, curves: [{ points: [[x, y], ...], colour, width,
- * dots }], lines: [{ x, colour }], rings: [{ x, y, colour }] }
+ * dots }], lines: [{ x, colour }], rings: [{ x, y, colour }], ratio: height over width }
  * Returns the frame of the plot in CSS pixels, { x, y, w, h }.
  */
 function drawPlot(canvas, plot, colour) {
-  const { context: c, width, height } = fitted(canvas, (wide) => Math.max(0.56 * wide, LEAST_HEIGHT));
+  const { context: c, width, height } = fitted(canvas, (wide) => (plot.ratio ? plot.ratio * wide : Math.max(0.56 * wide, LEAST_HEIGHT)));
   const area = { x: MARGIN.left, y: MARGIN.top, w: width - MARGIN.left - MARGIN.right, h: height - MARGIN.top - MARGIN.bottom };
   const [x0, x1] = plot.x, [y0, y1] = plot.y;
   const at = (x) => area.x + ((x - x0) / (x1 - x0)) * area.w;
