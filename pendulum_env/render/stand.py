@@ -265,7 +265,7 @@ class Stand:
         return (body.right - 0.5 * self.font, body.bottom, high, wide) if clear else None
 
     def _paint_stand(self, image: Image) -> None:
-        """Paint the arm that holds the sensor: from a post on the table if there is room, else from a wall plate."""
+        """Paint the arm of the stand from the left edge to the pivot and, if there is room, the post below the arm."""
         body, thick = self.body, max(3.0, 0.07 * self.arm)
         steel = gradient(self.theme.steel_dark, self.theme.steel_light, self.theme.steel, self.theme.steel_dark)
         free = self.x - self.reach - body.left
@@ -280,9 +280,6 @@ class Stand:
             reach = 0.75 * thick
             box(image, post - reach, self.y - reach, post + reach, self.y + reach, rgb(self.theme.sensor), 0.3 * thick)
             disc(image, post, self.y, 0.35 * thick, rgb(self.theme.steel))
-        else:
-            box(image, body.left, self.y - 1.5 * thick, body.left + 0.8 * thick, self.y + 1.5 * thick,
-                rgb(self.theme.sensor), 0.0)
 
     def _paint_dial(self, image: Image) -> None:
         """Paint the degree scale with its ticks and numbers and, if the pivot does not move, the sensor's wheel."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from html import escape
+from importlib import import_module
 
 import anywidget
 import traitlets
@@ -28,13 +29,12 @@ class LabWidget(anywidget.AnyWidget):
 
     def _ipython_display_(self) -> None:
         """Show the page below a line that says what belongs here: a notebook that does not run leaves it empty."""
-        from IPython.display import HTML, display
-
-        display(HTML("<small>The page below needs a running notebook. Without one, write a page by "  # type: ignore[no-untyped-call]
+        page = import_module("IPython.display")
+        page.display(page.HTML("<small>The page below needs a running notebook. Without one, write a page by "
                      "<code>lab-pendulum web</code> and open it with this behind its address: "
                      f"<code>#{escape(self.link)}</code></small>"))
         data, more = self._repr_mimebundle_() or ({"text/plain": repr(self)}, {})
-        display(data, metadata=more, raw=True)  # type: ignore[no-untyped-call]
+        page.display(data, metadata=more, raw=True)
 
     def spec(self, pendulum: int = 1) -> RunSpec:
         """Return the run of one of the pendulums, counted from 1, as :func:`pendulum_env.web.read_link` does."""

@@ -36,7 +36,7 @@ def test_a_run_is_a_driven_log_with_its_twin(policy: str, largest: float, tmp_pa
         assert DrivenLog.read(out).drive.tolist() == pytest.approx(table[:, 2].tolist())
     early = table[:, 0] < 2.0  # near the top every difference grows
     assert np.abs(angle - twin)[early].max() < 0.05
-    assert board._line is None  # closed
+    assert vars(board)["_line"] is None  # closed
 
 
 def test_a_zero_of_the_page_is_not_that_of_the_action(tmp_path: Path) -> None:

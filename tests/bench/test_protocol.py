@@ -89,7 +89,7 @@ def test_a_firmware_obeys_from_its_greeting_to_a_stop() -> None:
 def test_the_watchdog_stops_the_motor_at_its_own_time_and_for_good() -> None:
     board = firmware()
     told: list[tuple[float, int, int]] = []
-    board._tell = lambda *change: told.append(change)
+    vars(board)["_tell"] = lambda *change: told.append(change)
     asked(board, "H", 60, at=0.010)
     asked(board, "D", 500, at=0.100)
     asked(board, "D", 500, at=0.155)
@@ -104,8 +104,8 @@ def test_the_watchdog_stops_the_motor_at_its_own_time_and_for_good() -> None:
 def test_sequence_numbers_and_the_clock_begin_again() -> None:
     board = SimulatedBoard()
     board.open(0.06)
-    board._sequence = SEQUENCES - 1
-    board.firmware._ticks = (2**32 // 1000) - 10
+    vars(board)["_sequence"] = SEQUENCES - 1
+    vars(board.firmware)["_ticks"] = (2**32 // 1000) - 10
     before = board.read()
     board.wait(board.firmware.time + 0.05)
     after = board.read()

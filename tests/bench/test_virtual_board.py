@@ -157,8 +157,7 @@ def test_a_line_that_is_cut_while_the_motor_is_on(log: Path) -> None:
     board = VirtualBoard("lab", log=log)
     board.open(0.06)
     board.write(0.5)
-    assert board._line is not None
-    board._line.close()
+    vars(board)["_line"].close()
     told = changes(log, TRIPPED)
     assert told[-2][1:] == (500, DRIVING)
     assert told[-1][0] - told[-2][0] == pytest.approx(0.060, abs=0.0011)

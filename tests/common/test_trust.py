@@ -23,6 +23,8 @@ from pendulum_env.engine.generate import batch_program, program
 from pendulum_env.engine.growing_file import read
 
 MAY_RUN = {
+    "pendulum_env/bench/device.py": "pickles the caller's settings for the virtual board's process, which it starts",
+    "pendulum_env/bench/virtual_board.py": "unpickles what the process that started it has just written to its input",
     "pendulum_env/cli/__init__.py": "imports the module of a command, one of the names in its own list",
     "pendulum_env/cli/options.py": "imports modules of the package that it names itself, whose names a shell completes",
     "pendulum_env/common/sources.py": "texts that the package has written: programs, judges of tasks, and functions "
@@ -68,7 +70,7 @@ def test_nothing_else_runs_text_or_unpickles() -> None:
     found = {path.relative_to(root.parent).as_posix(): dangerous(path) for root in roots for path in root.rglob("*.py")}
     for own in ("pendulum_env/__init__", "pendulum_env/lab/__init__", "pendulum_env/cli/api_pages",
                 "pendulum_env/common/results", "pendulum_env/common/saved",
-                "pendulum_env/notebook"):
+                "pendulum_env/notebook", "pendulum_env/bench/__init__"):
         found[f"{own}.py"] -= {"import_module"}  # of the package's own public names, pandas and xarray
     assert {name for name, calls in found.items() if calls} == MAY_RUN.keys()
 
