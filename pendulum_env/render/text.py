@@ -81,7 +81,7 @@ def _degree(size: int) -> NDArray[np.uint8]:
     digit = piece("0", size)
     top = int(np.flatnonzero(digit.max(axis=1) > 127)[0])
     side, half = max(4, round(0.26 * size)), max(0.5, 0.03 * size)
-    wide = max(side + 1, _render("°", size).get_width())  # as wide as the font's own, or with a free column to the right
+    wide = max(side + 1, _render("°", size).get_width())  # at least as wide as the font's own
     across = np.arange(wide) + 0.5 - side / 2
     down = np.arange(len(digit))[:, None] + 0.5 - top - side / 2
     cover: NDArray[np.float64] = np.clip(half + 0.5 - np.abs(np.hypot(across, down) - side / 2 + half), 0, 1)
