@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
@@ -67,8 +68,27 @@ class Reason:
     size: float
 
 
+class Differing(ABC):
+    """What was measured beside a simulation, and the size of their difference."""
+
+    @property
+    @abstractmethod
+    def difference(self) -> Array:
+        """Array of measured minus simulated values [rad]."""
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the difference [rad]."""
+        return float(np.sqrt(np.mean(self.difference**2)))
+
+    @property
+    def largest(self) -> float:
+        """Largest difference [rad]."""
+        return float(np.max(np.abs(self.difference)))
+
+
 @dataclass(frozen=True, eq=False)
-class Compared:
+class Compared(Differing):
     """The simulation of the recorded swing beside the recording.
 
     Attributes:
@@ -100,23 +120,13 @@ class Compared:
         return self.recorded - self.simulated
 
     @property
-    def rms(self) -> float:
-        """Root mean square of the difference [rad]."""
-        return float(np.sqrt(np.mean(self.difference**2)))
-
-    @property
-    def largest(self) -> float:
-        """Largest difference [rad]."""
-        return float(np.max(np.abs(self.difference)))
-
-    @property
     def lag(self) -> float:
         """Time by which the simulation is behind the recording at the end [s]; negative if it is ahead."""
         return self.cycles * (self.period_simulated - self.period_recorded)
 
 
 @dataclass(frozen=True, eq=False)
-class Readings:
+class Readings(Differing):
     """Amplitudes read by hand beside the simulation of the same swing.
 
     Attributes:
@@ -140,16 +150,6 @@ class Readings:
     def difference(self) -> Array:
         """Array of read minus simulated amplitude [rad]."""
         return np.abs(self.angle) - self.simulated
-
-    @property
-    def rms(self) -> float:
-        """Root mean square of the difference [rad]."""
-        return float(np.sqrt(np.mean(self.difference**2)))
-
-    @property
-    def largest(self) -> float:
-        """Largest difference [rad]."""
-        return float(np.max(np.abs(self.difference)))
 
     @property
     def ends(self) -> tuple[int, ...]:
