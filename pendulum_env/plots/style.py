@@ -33,8 +33,8 @@ HEAVY = 1_000_000
 """Size of an SVG [bytes] beyond which a notebook shows the figure as PNG."""
 WIDE = (8.0, 4.5)
 """Size of a figure with one pair of axes [inch]."""
-WIDEST_LEGEND = 0.85
-"""Largest width of a legend above axes, as a share of the figure's; the rest is left for the vertical axis."""
+BESIDE = 1.3
+"""Room left of the axes, for the numbers and the label of the vertical axis [inch]."""
 
 LINES: tuple[tuple[Any, float], ...] = (
     ("-", 2.8),
@@ -178,7 +178,7 @@ def legend_above(at: Axes, columns: int, fontsize: float | None = None) -> None:
     for number in range(columns, 0, -1):
         legend = at.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), borderaxespad=0.2, ncols=number,
                            fontsize=fontsize)
-        if legend.get_window_extent().width < WIDEST_LEGEND * at.figure.bbox.width:
+        if legend.get_window_extent().width < at.figure.bbox.width - BESIDE * at.figure.dpi:
             break
 
 

@@ -130,7 +130,8 @@ def test_all_german_figures_fit(worked: Worked) -> None:
         figure = GERMAN.localised(draw(worked, labels))
         figure.draw_without_rendering()
         for at in figure.axes:
-            for text in (at.xaxis.label, at.yaxis.label, at.title):
+            legend = at.get_legend()
+            for text in (at.xaxis.label, at.yaxis.label, at.title, *(legend.get_texts() if legend else ())):
                 box = text.get_window_extent()
                 inside = min(box.x0, box.y0, figure.bbox.width - box.x1, figure.bbox.height - box.y1) >= 0.0
                 assert inside or not text.get_text(), (draw.__name__, text.get_text())
