@@ -107,11 +107,14 @@ ELSEWHERE = {
     "python tests/fuzzing/fuzz.py --seconds 60": "fuzzing/test_fuzz.py",
 }
 """Command -> the file of tests that runs it."""
-BENCHMARKS = {command for command in COMMANDS if command.startswith("python examples/")}
+EXAMPLES = {command for command in COMMANDS if re.match(r"python examples/\d", command)}
+"""Commands of examples, all of which test_examples.py runs, in a folder of their own."""
+BENCHMARKS = {command for command in COMMANDS if command.startswith("python examples/")} - EXAMPLES
 
 
 def test_every_command_is_here() -> None:
-    assert {*SHORTER, *ELSEWHERE} == COMMANDS - BENCHMARKS
+    assert {*SHORTER, *ELSEWHERE} == COMMANDS - BENCHMARKS - EXAMPLES
+    assert all((ROOT / shlex.split(command)[1]).is_file() for command in EXAMPLES)
     assert all((ROOT / "tests" / name).exists() for name in ELSEWHERE.values())
 
 
