@@ -512,6 +512,9 @@ def test_a_dropped_recording_is_read_and_fitted(small: Path, tmp_path: Path) -> 
                 continue
             found = do(seen, "LabPendulum.lab.recording.map((column) => [column[0], column.at(-1)])")
             assert [list(map(float, row)) for row in found] == [pytest.approx(row) for row in wanted], text[:40]
+        give("\n".join(f"{t / 20} {5 * math.sin(5 * t / 20)}" for t in range(50)))
+        page.click("#fit")
+        assert page.inner_text("#fitted") == "The recording cannot be fitted: it has fewer than three whole swings."
         give("time,angle [deg]\n" + "\n".join(f"{t:.3f},{a:.5f}" for t, a in zip(time, noisy, strict=True)))
         page.click("#fit")
         said = page.inner_text("#fitted").replace("\N{MINUS SIGN}", "-")

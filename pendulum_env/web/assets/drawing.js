@@ -126,6 +126,7 @@ function trail(c, lane, x, y, length, width) {
   c.strokeStyle = lane.colour;
   c.lineWidth = Math.max(1.5, 0.012 * width);
   const piece = 10; // readings of one opacity
+  c.lineCap = "butt"; // round ends of two pieces would be a darker dot
   for (let first = 0; first < rows.length - 1; first += piece) {
     c.globalAlpha = 0.4 * ((first + piece) / TRAIL) ** 2;
     c.beginPath();
@@ -137,6 +138,7 @@ function trail(c, lane, x, y, length, width) {
     }
     c.stroke();
   }
+  c.lineCap = "round";
   c.globalAlpha = 1;
 }
 

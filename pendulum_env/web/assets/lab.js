@@ -211,7 +211,10 @@ function restart() {
   for (const lane of lab.lanes) lane.start();
   const longest = Math.max(...lab.lanes.map((lane) => lane.length)); // parts of a rigid body are drawn as they are
   for (const lane of lab.lanes) lane.share = lane.outline.length || !(longest > 0) ? 1 : lane.length / longest;
-  if (lab.watch) lab.watch = null, byId("watch").textContent = t("Stopwatch");
+  if (lab.watch) {
+    lab.watch = null;
+    byId("watch").textContent = t("Stopwatch");
+  }
   show();
 }
 
@@ -403,8 +406,8 @@ const PLOTTED = {
       points: rows[i].map((row) => [row[0], row[5] * DEGREES]) }));
     if (lab.recording) {
       const [times, degrees] = lab.recording;
-      curves.push({ colour: colour("ink"), dots: true, points: times.map((t, i) => [t, degrees[i]]).filter(
-        ([t]) => t >= time[0] && t <= time[1]) });
+      curves.push({ colour: colour("ink"), dots: true, points: times.map((at, i) => [at, degrees[i]]).filter(
+        ([at]) => at >= time[0] && at <= time[1]) });
     }
     lab.lanes.forEach((lane, i) => curves.push({ colour: lane.colour, points: rows[i].map((row) => [row[0], row[1] * DEGREES]) }));
     drawPlot(byId("plot-angle"), { x: time, y: around(valuesOf(curves), 1), xlabel: t("time [s]"), ylabel: t("angle [°]"), curves },

@@ -78,7 +78,7 @@ function solved(matrix, right) {
 /** Fit the present scene to a recording by least squares (Levenberg and Marquardt): start, zero of the sensor, length and damping.
  * Returns [{ name, value, error, unit }], the new values of the settings, the start, the zero [degrees] and the scatter [degrees]. */
 function fitRecording([times, degrees], place, usual) {
-  const every = Math.ceil(times.length / FITTED), t = times.filter((_, i) => i % every === 0);
+  const every = Math.ceil(times.length / FITTED), read = times.filter((_, i) => i % every === 0);
   const wanted = degrees.filter((_, i) => i % every === 0).map((value) => value / DEGREES);
   const middle = wanted.reduce((sum, value) => sum + value, 0) / wanted.length;
   const ups = crossings(times, degrees.map((value) => value / DEGREES), middle);
@@ -88,21 +88,21 @@ function fitRecording([times, degrees], place, usual) {
     || setting.kind === "dissipative");
   const values = [...usual], at = free.find(({ setting }) => setting.name === "body.length");
   const size = (from, to) => Math.max(...wanted.slice(from, to).map((value) => Math.abs(value - middle)));
-  const part = Math.max(Math.floor((1.2 * period * wanted.length) / t.at(-1)), 3);
+  const part = Math.max(Math.floor((1.2 * period * wanted.length) / read.at(-1)), 3);
   if (at) { // so that small swings take the recorded period, which a larger amplitude lengthens
     const { scale, inertia } = parametersOf(lab.scene, values), amplitude = 0.5 * (size(0, part) + size(-part));
     values[at.i] *= ((period / (1 + amplitude ** 2 / 16)) / (2 * Math.PI / Math.sqrt(scale / inertia))) ** 2;
   }
-  const lost = Math.max((2 * Math.log(size(0, part) / size(-part))) / t.at(-1), 1e-3);
+  const lost = Math.max((2 * Math.log(size(0, part) / size(-part))) / read.at(-1), 1e-3);
   const damping = free.filter((one) => one !== at);
   for (const { setting, i } of damping) values[i] = /gamma/.test(setting.name) ? lost : Math.max(values[i], 1e-3);
-  const numbers = [wanted[0] - middle, (wanted[1] - wanted[0]) / (t[1] - t[0]), middle, ...free.map(({ i }) => values[i])];
+  const numbers = [wanted[0] - middle, (wanted[1] - wanted[0]) / (read[1] - read[0]), middle, ...free.map(({ i }) => values[i])];
   const steps = numbers.map((value, i) => (i < 3 ? 1e-5 : 1e-4 * Math.max(Math.abs(value), 1e-3)));
   const dt = Math.min(place.run.dt, period / 60);
   const residuals = (given) => {
     const own = [...values];
     free.forEach(({ setting, i }, k) => { own[i] = Math.max(given[3 + k], setting.least === null ? -Infinity : setting.least + (setting.exclusive ? 1e-9 : 0)); });
-    const angles = motionAt(own, given[0], given[1], dt, t);
+    const angles = motionAt(own, given[0], given[1], dt, read);
     return wanted.map((value, i) => angles[i] + given[2] - value);
   };
   const sum = (list) => list.reduce((total, value) => total + value * value, 0);
@@ -129,7 +129,7 @@ function fitRecording([times, degrees], place, usual) {
     if (!better) break;
     tame = Math.max(tame / 1000, 1e-9);
   }
-  const variance = total / Math.max(t.length - numbers.length, 1);
+  const variance = total / Math.max(read.length - numbers.length, 1);
   free.forEach(({ i }, k) => { values[i] = Math.max(numbers[3 + k], place.settings[i].least ?? -Infinity); });
   const error = (k) => Math.sqrt(Math.max(variance * inverse[k][k], 0));
   return { values, angle: numbers[0], velocity: numbers[1], zero: numbers[2] * DEGREES, scatter: Math.sqrt(variance) * DEGREES, period,
