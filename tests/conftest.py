@@ -75,8 +75,18 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
 
 @pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items: list[Any]) -> None:
+def pytest_collection_modifyitems(config: pytest.Config, items: list[Any]) -> None:
+    """Mark the cases that quick tests leave out; a test that names its quick cases must have each of them."""
+    named: dict[Any, set[str]] = {}
     for item in items:
         case = getattr(item, "callspec", None)
-        if case and not is_quick(item.path.stem, item.originalname, case.id, case.params):
+        if not case:
+            continue
+        mark = item.get_closest_marker("quick")
+        if mark:
+            named.setdefault((item.parent, item.originalname), set(mark.args)).discard(case.id)
+        if (mark and case.id not in mark.args) or not is_quick(item.path.stem, item.originalname, case.id, case.params):
             item.add_marker(pytest.mark.slow)
+    missing = {f"{where.name}::{test}": sorted(rest) for (where, test), rest in named.items() if rest}
+    if missing and not any("::" in word for word in config.args):  # where one case is asked for, others do not count
+        raise pytest.UsageError(f"no such case, which the mark quick names: {missing}")

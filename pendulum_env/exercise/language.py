@@ -11,6 +11,7 @@ import json
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -39,7 +40,7 @@ VALUE = re.compile(r"\{(\w+)\}")
 """Place of a value in a sentence."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Language:
     """The texts of one language.
 
@@ -109,5 +110,11 @@ class _Localised(Formatter):
 def language_of(code: str) -> Language:
     """Return the texts of a language by its code; SceneError that lists the languages if there is no such one."""
     one_of(code, "language of the report", LANGUAGES)
-    table = json.loads((TEXTS / f"{code}.json").read_text(encoding="utf-8"))
-    return Language(code, table["decimal"], table["figures"], table["report"])
+    return _read(TEXTS / f"{code}.json")
+
+
+@cache
+def _read(path: Path) -> Language:
+    """Return the texts of a file, one object for all who ask, for which its templates are compiled once."""
+    table = json.loads(path.read_text(encoding="utf-8"))
+    return Language(path.stem, table["decimal"], table["figures"], table["report"])

@@ -55,8 +55,8 @@ def program_names(worked: Worked) -> tuple[str, ...]:
 
 def programs(worked: Worked, labels: Labels, templates: Environment) -> Iterator[tuple[str, str]]:
     """Yield the name and the text of every program; ``templates`` is an environment of the report's templates."""
-    templates.autoescape = False
-    templates.filters["py"] = lambda text: json.dumps(text, ensure_ascii=False)
+    templates = templates.overlay(autoescape=False)
+    templates.filters = {**templates.filters, "py": lambda text: json.dumps(text, ensure_ascii=False)}
     given = values(worked, labels)
     for name in program_names(worked):
         stem = name.removesuffix(".py")

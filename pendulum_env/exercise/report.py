@@ -7,7 +7,7 @@ import re
 import shutil
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from itertools import count, pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -142,6 +142,7 @@ def page(
     )
 
 
+@cache
 def environment(language: Language) -> Environment:
     """Return the environment in which the templates are rendered, with a language's sentences and filters for numbers
     and equations."""

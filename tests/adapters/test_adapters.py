@@ -49,6 +49,7 @@ def test_every_adapter_has_code_in_a_readme_and_checks() -> None:
     assert {path.name.removesuffix("_checks.py") for path in Path(__file__).parent.glob("*_checks.py")} == {*ADAPTERS}
 
 
+@pytest.mark.quick("sb3")
 @pytest.mark.parametrize("adapter", ADAPTERS)
 def test_a_missing_program_is_told_with_the_extra_that_brings_it(adapter: str, tmp_path: Path) -> None:
     for name in ("stable_baselines3", "torch", "minari"):  # even where they are installed

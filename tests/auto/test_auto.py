@@ -156,6 +156,7 @@ def test_a_clipped_motion_has_no_accuracy():
         gym.make(ENV_ID, scene="gymnasium", integrator="auto", accuracy=1e-6, backend="python")
 
 
+@pytest.mark.slow
 def test_a_vector_keeps_it_in_all_its_environments_with_torques():
     """The accuracy holds over a whole episode, in environments with lengths between the smallest and the largest too.
     """
@@ -223,6 +224,7 @@ def test_a_horizon_is_said_or_the_share_of_sensitive_episodes_but_not_both(horiz
     assert len(sentences) == len(said)
 
 
+@pytest.mark.quick("sticky_bearing-dry friction")
 @pytest.mark.parametrize(("name", "said"), [("sticky_bearing", "dry friction"), ("windy", "in the same gusts")])
 def test_dry_friction_and_gusts_say_what_was_measured(name, said):
     with pytest.warns(UserWarning, match=said):
@@ -250,6 +252,7 @@ def test_what_cannot_be_is_refused(keywords, said):
         gym.make(ENV_ID, **keywords)
 
 
+@pytest.mark.slow
 def test_too_fine_an_accuracy_names_the_least_which_then_holds():
     with pytest.raises(AccuracyError, match="the smallest accuracy that can be reached") as refused:
         choose(SCENES["exercise_large"], 1e-16, steps=50)
@@ -302,6 +305,7 @@ def test_a_folder_that_cannot_be_written_does_not_matter(monkeypatch, tmp_path):
     assert quick().method == "exact"
 
 
+@pytest.mark.slow
 def test_environments_round_trip():
     made = gym.make(ENV_ID, scene="textbook", integrator="auto", accuracy=1e-4, backend="python")
     again = gym.make(gym.envs.registration.EnvSpec.from_json(made.spec.to_json()))

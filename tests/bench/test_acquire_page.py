@@ -106,6 +106,7 @@ REFUSED: dict[str, dict[str, str]] = {
 }
 
 
+@pytest.mark.quick("POST")
 @pytest.mark.parametrize("method", ["GET", "POST"])
 def test_others_are_refused(method: str, steady: Served) -> None:
     order = json.dumps({"what": "start"}).encode()
@@ -334,6 +335,7 @@ UNITS = {
 }
 
 
+@pytest.mark.quick("a rate")
 @pytest.mark.parametrize("kind", UNITS)
 def test_readings_are_shown_in_their_unit(kind: str, tmp_path: Path) -> None:
     source, largest, unit = UNITS[kind]

@@ -96,6 +96,7 @@ def test_the_document_holds_nothing_from_outside() -> None:
     assert not re.search(r"\son\w+=|javascript:|style=\"|https?://", rest)
 
 
+@pytest.mark.slow
 def test_orders_track_stop_and_go_on(page: ServedFilm) -> None:
     desk = page.desk
     assert ordered(page, "track") == {}

@@ -106,6 +106,7 @@ def check_fit(recording: Recording, most: float) -> None:
         assert found[name].error < most * truth
 
 
+@pytest.mark.slow
 def test_a_gyroscope_of_a_phone_fits_the_scene_behind_it(swing: Swing, tmp_path: Path) -> None:
     with FalsePhone(gyroscope(swing), speed=60.0) as phone:
         source = Phyphox(phone.host, every=0.02)
@@ -236,6 +237,7 @@ def test_a_sensor_that_stalls_is_told_and_its_gap_is_lost(monkeypatch: pytest.Mo
     assert taken.lost == round(float(np.max(np.diff(taken.time))) / 0.01) - 1 > 0
 
 
+@pytest.mark.slow
 def test_measurements_that_are_cleared_or_replaced_end_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(phyphox, "QUIET", 0.05)
     with FalsePhone(ramp) as phone:

@@ -111,6 +111,7 @@ def test_lines_arrive_in_pieces(board: Board, opened: Any) -> None:
     assert np.concatenate(kept)[:, 0] == pytest.approx(0.15 * np.arange(60))
 
 
+@pytest.mark.slow
 def test_a_board_that_is_unplugged_goes_on_when_it_is_back(board: Board, opened: Any) -> None:
     source = opened(board, counts=2400)
     board.send(TITLES, *counts(range(100), start=50_000_000))
@@ -392,6 +393,7 @@ BOARDS: dict[str, tuple[str, str, float, dict[str, Any]]] = {
 """Board -> its first line, the form of the others, their pace in the first second, and the source's settings."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [
     pytest.param(kind, marks=() if kind == "an encoder's counts" else pytest.mark.slow) for kind in BOARDS])
 def test_a_recording_of_a_board_fits_the_scene_behind_it(kind: str, board: Board, tmp_path: Path) -> None:

@@ -100,6 +100,7 @@ def test_the_virtual_sensor_rounds_and_scatters_as_it_says(bench_clock: BenchClo
     assert math.isclose(float(angles.mean()), 0.2, abs_tol=4.0 * 0.01 / math.sqrt(20_000))
 
 
+@pytest.mark.slow
 def test_readings_come_when_they_are_due() -> None:
     """In real time: a read ends with the first reading, or after its timeout."""
     source = Virtual(rate=20.0, wait=None)
@@ -113,6 +114,7 @@ def test_readings_come_when_they_are_due() -> None:
     source.close()
 
 
+@pytest.mark.slow
 def test_a_motion_that_leaves_the_finite_range_ends_by_a_sentence(bench_clock: BenchClock) -> None:
     source = Virtual("overdamped", "forward_euler", wait=0.0, rate=1.0)
     source.__dict__["_bob"].clear()

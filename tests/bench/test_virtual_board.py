@@ -152,6 +152,7 @@ def test_a_program_that_ends_or_hangs_leaves_no_torque(name: str, log: Path, tmp
     assert rows[:10, 2].tolist() == [1.0, -1.0] * 5
 
 
+@pytest.mark.slow
 def test_a_line_that_is_cut_while_the_motor_is_on(log: Path) -> None:
     """The board goes on without its line, until its watchdog stops the motor 60 ms after the last drive."""
     board = VirtualBoard("lab", log=log)

@@ -56,6 +56,7 @@ def test_compare_does_the_exercise(tmp_path: Path, run_here: Here) -> None:
     assert set(os.listdir(tmp_path)) == {"results"}
 
 
+@pytest.mark.slow
 def test_compare_takes_a_scene_file_and_numbers_of_damping(
     tmp_path: Path, run_here: Here, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -493,6 +494,7 @@ def numbers(cells: Iterable[Any]) -> list[Any]:
     return [one(cell if not isinstance(cell, bool) else str(cell)) for cell in cells]
 
 
+@pytest.mark.quick("compare", "effects", "stress")
 @pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("name", [
     pytest.param(name, marks=pytest.mark.slow if name == "section --basins 5" else ()) for name in JSON])

@@ -145,6 +145,7 @@ def test_empty_cells_are_those_of_the_kind_of_their_column() -> None:
     assert math.isnan(frame["words"][2])
 
 
+@pytest.mark.slow
 def test_xarray_has_the_grids_quantities_as_dimensions() -> None:
     data = some().to_xarray()
     assert dict(data.sizes) == {"method": 2, "dt_s": 2}

@@ -259,6 +259,7 @@ VALUES = st.recursive(st.one_of(SCALARS, ARRAYS), lambda inner: st.one_of(
     st.frozensets(st.text(max_size=3), max_size=3)), max_leaves=8)
 
 
+@pytest.mark.slow
 @given(VALUES)
 @settings(max_examples=25)
 def test_nested_values_come_back_bit_by_bit(tmp_path_factory: pytest.TempPathFactory, value: Any) -> None:

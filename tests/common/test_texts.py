@@ -81,6 +81,7 @@ def test_names_of_many_logs_fit_a_title_and_the_scene() -> None:
 # --- out ------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.quick("mathematics")
 @pytest.mark.parametrize("kind", ["not UTF-8", "mathematics", "no mathematics", "letters the font lacks"])
 def test_figures_show_a_name_as_it_is(kind: str, tmp_path: Path) -> None:
     name = NAMES[kind]
@@ -126,6 +127,7 @@ class Texts(HTMLParser):
         self.parts[-1] += data
 
 
+@pytest.mark.quick("markup", "mathematics")
 @pytest.mark.parametrize("name", [
     pytest.param(name, id=kind, marks=() if kind in ("not UTF-8", "mathematics", "terminal", "markup") else
                  pytest.mark.slow) for kind, name in NAMES.items()])

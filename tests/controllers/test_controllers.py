@@ -79,6 +79,7 @@ def held(phi: Array, seconds: float = 5.0, dt: float = 0.02) -> bool:
 # --- swinging up ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.quick("lab", "moon")
 @pytest.mark.parametrize("name", SWUNG_UP)
 def test_swings_up_from_rest_and_stays_up(name: str) -> None:
     phi, _, share = played(made(SCENES[name]), SCENES[name], 9.0)

@@ -264,6 +264,7 @@ def test_a_run_that_stops_leaves_the_others_alone(case: str, backend: str) -> No
     assert {*found.stop_reason} == reasons
 
 
+@pytest.mark.quick("change0", "change2")
 @pytest.mark.parametrize("change", [
     {"every": 1, "dt": 2.5}, {"control": -0.3, "substeps": 3}, {"atol": 1e-3, "rtol": 1e-9}, {"estimate_error": True},
     {"scene": "windy", "substeps": 3, "seed": 7, "estimate_error": True, "diagnostics": ("energy",)}])

@@ -55,6 +55,7 @@ def test_how_many_combinations() -> None:
     check_pairs(PAIRS, AXES)
 
 
+@pytest.mark.slow
 def test_compiled_threads_and_blocks() -> None:
     angles = np.linspace(-3.0, 3.0, 2500)
     one, three = (rollout("lab", warn=False, angle=angles, duration=0.3, num_threads=count) for count in (1, 3))

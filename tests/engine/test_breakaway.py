@@ -102,6 +102,7 @@ def turning(method: str, h: float) -> Any:
     return rollout(scene, integrator=method, angle=0.0, velocity=0.0, dt=h, duration=END, backend="python")
 
 
+@pytest.mark.slow
 def test_the_motion_sticks_and_slides_many_times() -> None:
     events, _, _ = by_turns()
     assert len(events) == 13

@@ -107,6 +107,7 @@ DAMAGE: dict[str, Callable[[bytes], bytes]] = {
 }
 
 
+@pytest.mark.quick("one byte short-kernel_*.py", "one bit-kernel_*.nbc")
 @pytest.mark.parametrize("pattern", ["kernel_*.py", "kernel_*.nbc"])
 @pytest.mark.parametrize("damage", [
     pytest.param(one, marks=() if one in ("one bit", "one byte short") else pytest.mark.slow) for one in DAMAGE])
@@ -123,6 +124,7 @@ def test_a_damaged_file_is_made_anew(damage: str, pattern: str, warm: Path, star
     assert listing(warm) == after, "the new file is not whole"
 
 
+@pytest.mark.slow
 def test_every_flipped_byte_is_seen(warm: Path, start: Start) -> None:
     path = only(warm, "kernel_*.nbc")
     whole, source = path.read_bytes(), random.Random(1)
@@ -166,6 +168,7 @@ def test_machine_code_of_something_else_is_not_taken(other: str, warm: Path, sta
 # --- links ------------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.quick("a file-kernel_*.py", "nothing-kernel_*.nbc")
 @posix
 @pytest.mark.parametrize("pattern", ["kernel_*.py", "kernel_*.nbc"])
 @pytest.mark.parametrize("content", ["thesis", None], ids=["a file", "nothing"])
@@ -229,6 +232,7 @@ def refuse(number: int) -> Callable[..., Any]:
     return refusing
 
 
+@pytest.mark.quick("os-replace-28")
 @pytest.mark.parametrize(("module", "name", "number"), [
     (os, "replace", errno.ENOSPC), (replacing, "_part", errno.EROFS), (replacing, "_part", errno.EACCES),
 ])
@@ -305,6 +309,7 @@ def planted(warm: Path, start: Start) -> Path:
     return warm
 
 
+@pytest.mark.quick("493")
 @posix
 @pytest.mark.parametrize("mode", [0o700, 0o750, 0o755])
 def test_a_folder_that_others_can_only_read_is_used(mode: int, planted: Path, start: Start) -> None:

@@ -125,6 +125,7 @@ WIRE = Scene(body=Body(LENGTH, MASS, RADIUS, suspension="wire"), effects=(Gravit
 OMEGA = math.sqrt(9.81 / LENGTH)
 
 
+@pytest.mark.quick("1.0-1.8", "-1.0-2.1")
 @pytest.mark.parametrize("share", [1.5, 1.8, 2.1])
 @pytest.mark.parametrize("velocity", [1.0, -1.0])
 def test_a_wire_goes_slack_where_it_should(share: float, velocity: float) -> None:
@@ -176,6 +177,7 @@ def slack_time(share: float) -> float:
     return float(2.0 / (share * OMEGA) * ellipkinc(0.5 * angle, 1.0 / (k * k)))
 
 
+@pytest.mark.quick("0.05-1e-06")
 @pytest.mark.parametrize(("h", "missing"), [(0.01, 3e-5), (0.01, 1e-7), (0.05, 1e-3), (0.05, 1e-6)])
 def test_slack_between_steps_ends_the_run_at_its_time(h: float, missing: float) -> None:
     """Check that a wire is slack if the launch misses sqrt(5) omega0, that of a full circle, by ever so little.

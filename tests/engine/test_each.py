@@ -43,6 +43,7 @@ def check_numbers(scene: Scene, each: Each, given: dict[str, Any]) -> None:
             assert (numbers[place] if isinstance(numbers, np.ndarray) else numbers) == value, (name, place)
 
 
+@pytest.mark.quick("lab", "windy", "torsion", "kapitza")
 @pytest.mark.parametrize("name", SCENES)
 def test_every_environment_has_the_numbers_of_its_scene(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Check that every environment has its scene's numbers, and that scenes are built for groups, not one by one."""

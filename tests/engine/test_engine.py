@@ -75,6 +75,7 @@ def test_how_many_combinations(record_property: Any) -> None:
     assert {scene for scene, _ in EVERY} == {scene for scene, _ in COMPILED}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", [
     name if name == "lab" else pytest.param(name, marks=pytest.mark.slow)
     for name in SCENES])
@@ -116,6 +117,7 @@ def test_interpreted_and_compiled_give_the_same_bits(scene: str, method: str) ->
     assert run(scene, method, "python") == run(scene, method, "compiled")
 
 
+@pytest.mark.quick("rk4")
 @pytest.mark.parametrize("method", ["rk4", "velocity_verlet", "implicit_midpoint"])
 def test_trajectory_and_advance_give_the_same_bits(method: str) -> None:
     machine = Machine(SCENES["sticky_bearing"], method)
@@ -214,6 +216,7 @@ def test_half_turns_keep_the_last_bits() -> None:
     assert [side_of(turns) for turns in (0.0, 0.5, 1.0, -0.5, -1.5, 2.0)] == [1.0, -1.0, 1.0, -1.0, -1.0, 1.0]
 
 
+@pytest.mark.slow
 def test_many_turns_lose_nothing() -> None:
     """Check that 10 000 free turns, exact in binary at 64 steps per turn, lose no bit of the wrapped angle."""
     scene = Scene(effects=(Gravity(),), gravity=0.0)

@@ -149,6 +149,7 @@ def test_estimates_hold_where_rounding_has_long_ruled(method: str, compensated: 
 LONG = ("water", "kapitza", "clock_bob", "exercise_large", "vacuum")
 
 
+@pytest.mark.quick("lab", "exercise", "driven", "kater")
 @pytest.mark.parametrize("scene", [
     pytest.param(scene, marks=pytest.mark.slow if scene in LONG else ()) for scene in SMOOTH
 ])

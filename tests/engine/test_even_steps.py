@@ -80,6 +80,7 @@ def test_they_err_less_than_steps_chosen_one_by_one() -> None:
     assert errors[0] < 0.3 * errors[1]
 
 
+@pytest.mark.quick("driven-taylor16")
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("scene", ["driven", *(
     pytest.param(name, marks=pytest.mark.slow) for name in ("vacuum", "torsion", "kapitza", "gymnasium"))])

@@ -72,6 +72,7 @@ STATES: dict[str, tuple[Any, float]] = {
 }
 
 
+@pytest.mark.quick("libration", "rotation", "at the top")
 @pytest.mark.parametrize("kind", STATES)
 def test_the_pendulum_against_elliptic_functions(kind: str) -> None:
     draw, (state, allowed) = random.Random(kind), STATES[kind]

@@ -117,6 +117,10 @@ def allowed(method: str, scene: Scene) -> float:
     return 0.2 * (scene.omega0 * STEP) ** order + 2e-9
 
 
+@pytest.mark.quick(
+    "laws-rk4", "laws, dry-symplectic_euler", "laws, dry, wind-rk4", "numbers-velocity_verlet", "numbers, wind-gauss4",
+    "numbers, dry-discrete_gradient", "laws, dry, wind-discrete_gradient"
+)
 @pytest.mark.parametrize(("case", "method"), CASES)
 def test_each_heat_and_the_airs_work_are_true(case: str, method: str) -> None:
     scene, wanted = SCENES[case], truth(case)

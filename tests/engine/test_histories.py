@@ -71,6 +71,7 @@ def test_methods_with_long_histories_have_room_for_newer_values() -> None:
         assert not any(field.endswith("_in_1") for field in layout.fields)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("scene", "method"), [
     *(("vacuum", name) for name in LONG), pytest.param("kater", "quinlan8a", marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("steps", "every"), [(45, 1), (45, 3), (64, 8), (45, 45), (3, 2)])

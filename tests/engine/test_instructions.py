@@ -47,6 +47,7 @@ def instructions(scene: Scene, method: str, diagnostics: tuple[str, ...]) -> int
     return len(INSTRUCTION.findall(code))
 
 
+@pytest.mark.quick("finite_bob", "wire_drag", "motor", "gusts", "vertical_drive")
 @pytest.mark.parametrize("name", ADDED)
 def test_a_program_does_not_know_what_was_taken_out(name: str) -> None:
     """Check that a removed effect leaves no trace in the program, and that effects of inertia never do."""

@@ -122,6 +122,10 @@ def widest(go: Callable[..., Any]) -> bool:
     return any(f"<{count} x double>" in text for text in go.inspect_llvm().values())  # type: ignore[attr-defined]
 
 
+@pytest.mark.quick(
+    "fields of blocks", "truth values that are compared", "choices", "rows of large numbers", "a row of a table",
+    "an index that is computed with", "a loop within", "a branch"
+)
 @pytest.mark.parametrize("name", [*VECTORS, *SCALARS, *LEFT])
 def test_loops_have_the_bits_that_python_computes_and_write_nothing_beyond(name: str) -> None:
     text = program(name)
@@ -207,6 +211,7 @@ def with_power(phi: float, speed: float) -> float:
     return -(abs(phi) ** 1.5) - math.exp(-speed * speed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("reward", "straight"), [
     (with_not, True), pytest.param(with_three, True, marks=pytest.mark.slow),
     pytest.param(with_if, False, marks=pytest.mark.slow), pytest.param(with_power, False, marks=pytest.mark.slow),

@@ -106,6 +106,10 @@ def kink(method: str, scene: Scene, h: float) -> float:
     return share * rate * (scene.omega0 * h) ** 3 if chosen.order > 4 else 0.0
 
 
+@pytest.mark.quick(
+    "vacuum-rk4", "linear-symplectic_euler", "motor and both drags-rk4", "strong quadratic-backward_euler",
+    "dry-gauss4", "dry and strong-forward_euler", "motor and both drags-velocity_verlet"
+)
 @pytest.mark.parametrize(("case", "method"), PAIRS)
 def test_residual_shrinks_at_least_at_the_methods_order(case: str, method: str) -> None:
     order = integrators.get(method).order
@@ -119,6 +123,10 @@ def test_residual_shrinks_at_least_at_the_methods_order(case: str, method: str) 
     assert slopes[-1] > order - 0.15 or residuals[-1] < 1e-15 + left, (residuals, slopes)
 
 
+@pytest.mark.quick(
+    "linear-symplectic_euler", "motor and both drags-velocity_verlet", "strong quadratic-forest_ruth", "dry-rk4",
+    "dry and strong-backward_euler"
+)
 @pytest.mark.parametrize(("case", "method"), BOOKED)
 def test_work_and_each_heat_are_true(case: str, method: str) -> None:
     """Check that the error of work and of every heat is within 3 (omega0 h)^order of the exchanged energies.

@@ -225,6 +225,7 @@ def test_numba_compiles_only_what_python_calls(scene: str, integrator: str) -> N
         assert {"step", "advance", "advance_block", "record", "sin", "sin_block"}.isdisjoint(found), found
 
 
+@pytest.mark.quick("lab-swing_up", "windy-swing_up", "lab-track")
 @pytest.mark.parametrize(("scene", "name"), [
     *((scene, "swing_up") for scene in SCENES), ("lab", "track"), ("lab", "gymnasium")])
 def test_numba_compiles_no_observations_of_the_packages_scenes(scene: str, name: str) -> None:

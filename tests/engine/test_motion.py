@@ -38,6 +38,7 @@ def test_turning_points_and_passages_are_the_elliptic_integrals(method: str) -> 
     assert run.t_events[1] == pytest.approx(quarter * (4 * np.arange(len(run.t_events[1])) + 1), rel=1e-13)
 
 
+@pytest.mark.slow
 def test_tops_and_periods() -> None:
     spun = rollout("vacuum", integrator="dop853", angle=0.0, velocity=15.0, dt=0.005, duration=2.0,
                    events=("top", "bottom"))
@@ -56,6 +57,10 @@ def fastest(place: Scene) -> float:
     return max(place.omega0, place.omega0 / quality_factor(place, place.run.angle + 0.1), *rates)
 
 
+@pytest.mark.quick(
+    "lab-rk4", "windy-rk4", "kapitza-gauss8", "vacuum-forest_ruth", "driven-tsit5", "gymnasium-rkn43",
+    "sticky_bearing-rk4", "rod-generalized_alpha", "chaotic-backward_euler"
+)
 @pytest.mark.parametrize(("scene", "method"), CASES)
 @pytest.mark.filterwarnings("ignore")
 def test_the_motion_between_steps_is_that_of_shorter_steps(scene: str, method: str) -> None:
@@ -89,6 +94,7 @@ def test_the_motion_between_steps_is_that_of_shorter_steps(scene: str, method: s
     assert abs(run.t_events[1] - truth.time[middle]).min() < 2.0 * allowed / abs(truth.velocity[middle])
 
 
+@pytest.mark.quick("velocity_verlet")
 @pytest.mark.parametrize("method", ["rk4", "velocity_verlet", "dop853"])
 def test_dry_friction_in_pieces_between_stops(method: str) -> None:
     """The stops of a plain bearing's swing, and the state between, against a reference in pieces."""

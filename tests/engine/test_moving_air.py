@@ -154,6 +154,7 @@ CASES = [
 ]
 
 
+@pytest.mark.quick("linear-all", "quadratic-all", "wire-all", "morrison-all")
 @pytest.mark.parametrize(("drag", "motion"), CASES)
 def test_torque_and_power_are_those_of_the_vectors(drag: str, motion: str) -> None:
     shape, functions, extra = moving(drag, motion)
@@ -205,6 +206,7 @@ def test_at_rest_in_the_air_nothing_is_infinite(drag: str) -> None:
 # --- exact flows ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.quick("2.0-0.3-0.0", "-30.0-0.004--0.3", "-30.0--0.004-9.0")
 @pytest.mark.parametrize("cross", [0.0, 1e-9, 0.02, -0.3, 9.0, -55.0])
 @pytest.mark.parametrize(("slip", "duration"), [
     (2.0, 0.3), (-30.0, 0.004), (-30.0, -0.004), *(pytest.param(*case, marks=pytest.mark.slow) for case in (
@@ -269,6 +271,7 @@ def storm() -> tuple[float, ...]:
         return tuple(map(float, mp.odefun(rates, 0, [*map(mp.mpf, START), *[mp.mpf(0)] * 4])(mp.mpf(DURATION))))
 
 
+@pytest.mark.quick("rk4", "velocity_verlet", "gauss4")
 @pytest.mark.parametrize("method", fitting(STORM))
 def test_methods_keep_their_order_in_moving_air(method: str) -> None:
     """Check that half the step divides the errors of motion, work and heats by 2^(order - 0.1), down to rounding."""
@@ -349,6 +352,7 @@ def losing(name: str, still: bool) -> tuple[Any, Callable[..., Any], Scene]:
     return source.shape, interpreted(source.text, source.title)["rates"], scene
 
 
+@pytest.mark.quick("sphere_drag-True", "wire_drag-False", "coulomb_friction-True")
 @pytest.mark.parametrize("still", [True, False])
 @pytest.mark.parametrize("name", LOSSES)
 @settings(max_examples=25)
@@ -465,6 +469,7 @@ def stick_and_slip(motion: str, torque: float) -> tuple[float, ...]:
     return float(y[0]), float(y[2]), float(y[3]), rested
 
 
+@pytest.mark.quick("rk4-wind-0.008", "symplectic_euler-horizontal-0.008")
 @pytest.mark.parametrize(("motion", "torque"), [("wind", 0.008), ("horizontal", 0.008)])
 @pytest.mark.parametrize("method", HOLDING)
 def test_work_and_heat_of_stick_and_slip(method: str, motion: str, torque: float) -> None:

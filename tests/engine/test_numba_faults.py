@@ -141,6 +141,7 @@ def test_every_private_name_that_has_gone() -> None:
     assert {"numba.core:compiler", "numba.core.cgutils:ir", "numba.extending:intrinsic"} <= wanted <= {*check_without()}
 
 
+@pytest.mark.slow
 def test_compiled_bits_are_those_of_python(monkeypatch: pytest.MonkeyPatch) -> None:
     """What the tests above compare with: compiled programs and frames have the bits of interpreted ones."""
     compiled = motion_and_frame()

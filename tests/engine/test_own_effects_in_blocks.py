@@ -110,6 +110,10 @@ def scene_with(form: Callable[..., float], scene: str) -> Scene:
     return base.with_effects((*base.effects, Mine()))
 
 
+@pytest.mark.quick(
+    "with_a_walrus-rk4-vacuum", "with_nested_targets-rk4-vacuum", "with_lists-rk4-torsion", "with_a_guard-rk4-torsion",
+    "the_same_for_all-rk4-torsion"
+)
 @pytest.mark.parametrize("scene", ["vacuum", "torsion"])
 @pytest.mark.parametrize(("form", "integrator"), [*((form, "rk4") for form in FORMS), *(
     (form, "velocity_verlet") for form in FORMS if "velocity" not in signature(form).parameters)])

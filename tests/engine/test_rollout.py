@@ -59,6 +59,7 @@ def test_batch_and_single_have_the_same_times_to_the_last_bit(every: int) -> Non
     assert batch.time.tolist() == [min(every * k, 143) * 0.07 for k in range(len(batch.time))]
 
 
+@pytest.mark.quick("batch-python", "single-python")
 @pytest.mark.parametrize("backend", ["python", "compiled"])
 @pytest.mark.parametrize("angle", [1.0, [1.0, 2.0]], ids=["single", "batch"])
 def test_the_duration_is_kept_whatever_is_recorded(angle: Any, backend: Any) -> None:

@@ -91,6 +91,7 @@ def test_programs_move_as_without_the_text(text: str) -> None:
     assert ast.dump(plain) == ast.dump(usual)  # the text is in comments
 
 
+@pytest.mark.slow
 def test_javascript_and_pages_hold_any_text(tmp_path: Path) -> None:
     """Node reads every module, which throws unless it prints one number; pages have as many scripts as without."""
     for number, text in enumerate(TEXTS):

@@ -187,6 +187,7 @@ def test_a_bob_at_rest_is_not_judged() -> None:
 # --- wire drag in moving air ------------------------------------------------------------------------------------------
 
 
+@pytest.mark.quick("motion1")
 @pytest.mark.parametrize("motion", [(Wind(2.5),), (Wind(-1.0), Gusts(0.5)), (HorizontalDrive(0.05, 30.0),)])
 def test_the_size_of_the_error_of_wire_drag_in_moving_air_is_named(motion: tuple[Effect, ...]) -> None:
     """The truth is the torque of a uniform flow on each piece of a resting wire, added up by mpmath's quadrature."""

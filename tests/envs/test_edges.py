@@ -138,6 +138,7 @@ def test_wrappers_that_need_a_bound_work_with_one() -> None:
 # --- warnings --------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.quick("rk4-20.0", "forward_euler-1000.0", "velocity_verlet-1000000000000.0")
 @pytest.mark.parametrize("dt", [20.0, 50.0, 1e3, 1e6, 1e12])
 @pytest.mark.parametrize("name", ["forward_euler", "rk4", "velocity_verlet", "heun", "ab4", "forest_ruth"])
 def test_steps_beyond_every_limit_are_warned_of_however_long(name: str, dt: float) -> None:

@@ -53,12 +53,17 @@ def test_how_many_combinations() -> None:
     check_pairs(EVERY, AXES)
 
 
+@pytest.mark.quick(
+    "textbook-rk4-free", "lab-rk4-swing_up", "lab-rk4-balance", "lab-rk4-track", "sticky_bearing-rk4-swing_up",
+    "windy-rk4-swing_up", "exercise-rk4-gymnasium", "kapitza-rk4-dm_control"
+)
 @pytest.mark.parametrize(("scene", "method", "task"), EVERY)
 def test_gymnasiums_checker_warnings_as_errors(scene: str, method: str, task: str) -> None:
     backend = "compiled" if method == "rk4" and scene in COMPILED else "python"
     check_env(make(scene=scene, task=task, integrator=method, backend=backend), skip_render_check=True)
 
 
+@pytest.mark.quick("lab-swing_up", "lab-track")
 @pytest.mark.parametrize(("scene", "task"), RENDERED)
 def test_gymnasiums_checker_of_frames(scene: str, task: str) -> None:
     """Every task, and every scene; quick tests take the familiar ones."""
@@ -93,6 +98,7 @@ def copies(env: LabPendulumEnv) -> dict[str, LabPendulumEnv]:
     return {"pickle": pickle.loads(pickle.dumps(env)), "deepcopy": copy.deepcopy(env), "state": fresh}
 
 
+@pytest.mark.quick("after steps", "after the end")
 @pytest.mark.parametrize("moment", ["before reset", "after reset", "after steps", "after rendering", "after the end"])
 def test_the_whole_state_resumes_bit_for_bit(moment: str) -> None:
     env = make(scene="sticky_bearing", task="balance", render_mode="rgb_array", substeps=3)

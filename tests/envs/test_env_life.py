@@ -202,6 +202,7 @@ def lived(machine: type[RuleBasedStateMachine], lives: int, steps: int) -> None:
         suppress_health_check=[HealthCheck.too_slow, HealthCheck.filter_too_much]))
 
 
+@pytest.mark.quick("VectorLife-6")
 @pytest.mark.parametrize(("machine", "lives"), [(Life, 12), (VectorLife, 6)])
 def test_any_order_of_calls(machine: type[RuleBasedStateMachine], lives: int) -> None:
     lived(machine, lives, 12)

@@ -71,6 +71,7 @@ STORIES: list[dict[str, Any]] = [
 """Settings with memory, early stops, lost tasks and divergence, all with episodes that end."""
 
 
+@pytest.mark.quick("0-SameStep", "7-SameStep")
 @pytest.mark.parametrize("mode", ["SameStep", *(
     pytest.param(mode, marks=pytest.mark.slow) for mode in ("NextStep", "Disabled"))])
 @pytest.mark.parametrize("options", STORIES, ids=range(len(STORIES)))

@@ -67,6 +67,7 @@ def test_the_ids_are_these() -> None:
         name for name in TRUE if "Bench-" not in name}
 
 
+@pytest.mark.quick("LabPendulum-v0", "LabPendulumMotorBench-v0")
 @pytest.mark.parametrize("name", TRUE)
 @INFINITE
 def test_an_id_has_its_true_length_and_spaces(name: str) -> None:
@@ -140,6 +141,7 @@ def test_gymnasiums_checkers_pass(name: str) -> None:
     checked.step(np.zeros(1, np.float32))
 
 
+@pytest.mark.quick("LabPendulum-v0")
 @pytest.mark.parametrize("name", [
     pytest.param(name, marks=() if name in ("LabPendulum-v0", "LabPendulumMotorBench-v0") else pytest.mark.slow)
     for name in TRUE])
@@ -185,6 +187,7 @@ SHORTER: dict[str, tuple[str, dict[str, Any], int, str]] = {
 }
 
 
+@pytest.mark.quick("duration-native", "dt-make", "task-sync")
 @pytest.mark.parametrize("maker", MAKERS)
 @pytest.mark.parametrize("case", LONGER)
 @INFINITE
@@ -198,6 +201,7 @@ def test_a_duration_longer_than_the_ids_steps_is_refused_at_the_first_reset(case
     assert length(remedied) == (1000, True)
 
 
+@pytest.mark.quick("duration-make", "id-native")
 @pytest.mark.parametrize("maker", MAKERS)
 @pytest.mark.parametrize("case", SHORTER)
 @INFINITE
@@ -214,6 +218,7 @@ def test_a_shorter_duration_warns_once(case: str, maker: str) -> None:
         MAKERS[maker](name, **keywords, careful=True, **QUICK).reset()
 
 
+@pytest.mark.quick("keywords0-500-make", "keywords1-7-native", "keywords4-300-sync")
 @pytest.mark.parametrize("maker", MAKERS)
 @pytest.mark.parametrize(("keywords", "steps"), [
     ({"duration": 20.0, "max_episode_steps": 500}, 500),  # an argument, though equal to the registered number

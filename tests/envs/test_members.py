@@ -149,6 +149,7 @@ def test_what_cannot_be_called_is_refused_in_a_sentence(case: str) -> None:
 # --- states -----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.quick("gusts", "slack and remainders")
 @pytest.mark.parametrize("life", LIVES)
 def test_states_are_those_of_gymnasiums_vector(life: str) -> None:
     """Compare also across ends of episodes, with a length and a mass for each environment."""
@@ -162,6 +163,7 @@ def test_states_are_those_of_gymnasiums_vector(life: str) -> None:
             assert {**found, **dict.fromkeys(UNSEEN)} == {**wanted, **dict.fromkeys(UNSEEN)}
 
 
+@pytest.mark.quick("dry friction")
 @pytest.mark.parametrize("life", LIVES)
 def test_a_state_resumes_bit_for_bit_in_all_and_in_some(life: str) -> None:
     options = {**LIVES[life], "length": LENGTHS}
@@ -190,6 +192,7 @@ def replayed(saved: Any, action: Any, options: dict[str, Any]) -> Any:
     return vector.step(action)[0][0]
 
 
+@pytest.mark.quick("history and lag")
 @pytest.mark.parametrize("life", LIVES)
 def test_states_go_between_vectors_and_single_environments(life: str) -> None:
     options = LIVES[life]
@@ -314,6 +317,7 @@ MORE: dict[str, dict[str, Any]] = {
 """Options with more than the motion to save."""
 
 
+@pytest.mark.quick("a delay-True", "history-False")
 @pytest.mark.parametrize("fresh", [False, True])
 @pytest.mark.parametrize("name", MORE)
 def test_a_whole_vector_with_more_than_the_motion_goes_on_bit_for_bit(name: str, fresh: bool) -> None:

@@ -88,6 +88,7 @@ RUNS = (scenes(), st.randoms(use_true_random=False), st.floats(-4.0, 0.0), st.fl
         st.floats(-20.0, 20.0), SHARES)
 
 
+@pytest.mark.quick("12-check_run")
 @pytest.mark.parametrize("check", [check_run, check_mirror])
 @pytest.mark.parametrize("examples", [12, pytest.param(150, marks=pytest.mark.slow)])
 def test_any_run(check: Callable[..., None], examples: int) -> None:

@@ -49,6 +49,7 @@ def compare(mode: str, steps: int = 40, **options: Any) -> None:
     assert side_by_side(vector(3, autoreset_mode=mode, **common), theirs, mode, steps) >= 3
 
 
+@pytest.mark.quick("ranges-NextStep", "gusts-SameStep", "errors-Disabled")
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("options", [
     {"randomize": RANGES}, {"randomize": by_generator, "diagnostics": ()},
@@ -83,6 +84,7 @@ def test_a_fit_is_drawn_alike_by_single_and_vector() -> None:
     compare("NextStep", randomize=found, damping={"linear": {"gamma": 0.005}})
 
 
+@pytest.mark.slow
 def test_compiled_vector_draws_what_the_interpreted_single_one_draws() -> None:
     compare("SameStep", randomize=RANGES, backend="auto")
 

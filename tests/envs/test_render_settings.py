@@ -105,6 +105,7 @@ def test_a_vectors_past_begins_with_each_episode(mode: str, monkeypatch: pytest.
             assert len(view.past.time) == round(view.time / 0.02) + 1
 
 
+@pytest.mark.quick("panels0-kept0", "panels1-kept1")
 @pytest.mark.parametrize(("panels", "kept"), [
     (("apparatus",), {"trail"}), (("energy",), set()), (("phase",), {"past"}), (ALL, {"trail", "past"})])
 def test_panels_that_are_not_shown_keep_nothing(panels: tuple[str, ...], kept: set[str],
@@ -195,6 +196,7 @@ def test_rgb_array_list_is_gymnasiums() -> None:
     assert len(listed.render()) == 1  # type: ignore[arg-type]
 
 
+@pytest.mark.quick("2")
 @pytest.mark.parametrize("count", [1, 2, 9])
 def test_tiles_are_the_frames_of_the_first_environments(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
     env = vector(num_envs=5, render_theme="dark", scene="lab", length=np.linspace(0.2, 0.4, 5))

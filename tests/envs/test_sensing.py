@@ -63,6 +63,7 @@ CASES: dict[str, dict[str, Any]] = {
 }
 
 
+@pytest.mark.quick("0-action", "0-both random", "0-encoder", "0-history", "0-gusts", "0-reference", "0-slow")
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("shift", [0, pytest.param(1, marks=pytest.mark.slow), pytest.param(2, marks=pytest.mark.slow)])
 def test_environment_i_sees_what_the_single_one_sees(case: str, shift: int) -> None:
@@ -252,6 +253,7 @@ def test_the_zero_at_the_start_is_that_of_a_virtual_sensor() -> None:
     assert np.abs(recorded - [info["observed_angle"] for _, info in found]).max() < 1e-12
 
 
+@pytest.mark.slow
 def test_noise_and_dropout_have_their_sizes() -> None:
     """Check the readings of a bob at rest: Gaussian noise, independent from step to step, with lost readings between.
     """

@@ -86,6 +86,7 @@ def test_a_misspelt_setting_is_named(kind: Any) -> None:
 # --- noise of actions -------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_noise_of_actions_is_normal_and_new_in_every_step() -> None:
     env = LabPendulumVectorEnv(4000, task=ECHO, action_noise=0.2, backend="python")
     env.reset(seed=0)

@@ -94,6 +94,7 @@ def test_a_step_does_not_wait_for_a_thread_that_never_comes(monkeypatch: pytest.
     assert bits(stepped(vector(2))) == wanted
 
 
+@pytest.mark.slow
 def test_copies_and_pickles_start_threads_of_their_own() -> None:
     one, env = vector(1), stepped(vector(2))
     wanted, begun = bits(one), bits(env, 5)
@@ -113,6 +114,7 @@ def test_actions_of_any_kind_are_those_of_one_thread(given: Any) -> None:
             assert found.tobytes() == wanted.tobytes()
 
 
+@pytest.mark.quick("nan")
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 def test_a_spinning_pool_refuses_actions_that_are_not_finite(value: float) -> None:
     """The first action and the last are looked at, and no environment moves."""
@@ -135,6 +137,7 @@ def test_a_parameter_that_varies_from_now_on_is_seen_by_all_threads() -> None:
     assert bits(env) == bits(one)
 
 
+@pytest.mark.slow
 def test_threads_end_with_their_environment() -> None:
     env = stepped(vector(2))
     time.sleep(5 * spinning.LIMIT)

@@ -61,6 +61,7 @@ def test_returns_are_those_of_single_environments() -> None:
     assert costs == sorted(costs)
 
 
+@pytest.mark.quick("real0-gravity-values0", "real5-observation-values5")
 @pytest.mark.parametrize(("real", "name", "values"), [
     ({"gravity": 1.6}, "gravity", ("usual", "1.6")),
     ({"integrator": "symplectic_euler", "substeps": 2}, "integrator", ("rk4", "symplectic_euler, substeps 2")),
@@ -141,6 +142,7 @@ def test_steps_may_differ_where_rewards_are_rates() -> None:
     assert found.gap.value == pytest.approx(0.0, abs=0.05 * abs(found.nominal.mean()))
 
 
+@pytest.mark.quick("keywords1-2.0")
 @pytest.mark.parametrize(("keywords", "seconds"), [
     ({}, 10.0), ({"duration": 2.0}, 2.0), ({"duration": 12.0}, 12.0), ({"max_episode_steps": 7}, 0.14)])
 def test_episodes_end_without_a_limit_too(keywords: dict[str, Any], seconds: float) -> None:

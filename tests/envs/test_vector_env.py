@@ -102,6 +102,7 @@ def test_adaptive_steps_are_those_of_the_single_ones(case: tuple[int, str]) -> N
             rtol=1e-6, dt=0.25, substeps=1 + i % 2, backend="python")
 
 
+@pytest.mark.quick("options1-NextStep")
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("options", [
     {"integrator": "dop853", "diagnostics": ("energy", "error"), "task": "free"},
@@ -464,6 +465,7 @@ def test_frames_are_those_of_single_environments() -> None:
                 each.step(np.full((2, 1), 0.5, np.float32))
 
 
+@pytest.mark.quick("NextStep-RecordEpisodeStatistics", "NextStep-NormalizeReward", "SameStep-ClipAction")
 @pytest.mark.parametrize("wrap", [
     wrappers.RecordEpisodeStatistics, wrappers.NormalizeObservation, wrappers.NormalizeReward, wrappers.ClipAction,
     wrappers.ClipReward, wrappers.DictInfoToList, wrappers.FlattenObservation,
@@ -543,6 +545,7 @@ def test_bad_actions_change_nothing(case: str) -> None:
     assert env.step(np.zeros((3, 1)))[4]["time"].tolist() == [0.02] * 3
 
 
+@pytest.mark.quick("options0-nan")
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
 @pytest.mark.parametrize("options", [
     {}, *(pytest.param(more, marks=pytest.mark.slow) for more in (
@@ -564,6 +567,7 @@ def test_a_compiled_program_refuses_actions_that_are_not_finite(value: float, op
     assert found[4]["time"].tolist() == [0.02] * 600
 
 
+@pytest.mark.quick("False-SameStep", "False-NextStep")
 @pytest.mark.parametrize("mode", ["SameStep", "NextStep"])
 @pytest.mark.parametrize("some", [True, False])
 def test_an_interrupted_restart_has_to_be_followed_by_a_reset(

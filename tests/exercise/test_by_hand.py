@@ -104,6 +104,7 @@ def test_sections_questions_and_answers_are_there(worked: Worked) -> None:
     assert plain.count('class="key"') == 16
 
 
+@pytest.mark.slow
 def test_bessels_formula_has_its_own_words(tmp_path: Path) -> None:
     (tmp_path / "b.csv").write_text("h1 (cm),T1 (s),T2 (s)\n85,2.0061,2.0062\n86,2.0062,2.0061\n")
     filled = page(work_out(by_hand(Given.of(), kater=tmp_path / "b.csv", edges="1.000")), True)

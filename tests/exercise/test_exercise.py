@@ -172,6 +172,7 @@ def test_omega_of_a_recording_is_right_within_its_error(number: int, low: float,
     assert measure(swing, n=6).small_period == given.omega.period
 
 
+@pytest.mark.slow
 def test_the_report_says_how_a_recording_was_filmed() -> None:
     swing, _ = recorded_swing(np.random.default_rng(3), 1.0)
     filmed = Filmed(frames=400, readings=377, rate=29.97, streak=6.4, off=0.31, roll=math.radians(-2.25))

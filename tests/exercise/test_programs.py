@@ -53,15 +53,15 @@ def swing() -> Recording:
 
 
 class Done:
-    """A worked exercise, and the folder in which its programs ran."""
+    """A worked exercise, and the folder in which its programs ran: all of them, or some."""
 
-    def __init__(self, worked: Worked, folder: Path) -> None:
+    def __init__(self, worked: Worked, folder: Path, *some: str) -> None:
         self.worked, self.folder = worked, folder
         for name, text in programs(worked, LABELS, report.environment(language_of("en"))):
             (folder / name).write_text(text, encoding="utf-8")
         for _ in report.tables(worked, False, folder, {"Command": "none"}):
             pass
-        names = program_names(worked)
+        names = some or program_names(worked)
         done = subprocess.run([sys.executable, "-I", "-c", ALONE, *(str(folder / name) for name in names)], cwd=folder,
                               capture_output=True, text=True, env={"MPLBACKEND": "agg", "MPLCONFIGDIR": str(folder)})
         assert done.returncode == 0, done.stderr
@@ -81,8 +81,19 @@ class Done:
 
 
 @pytest.fixture(scope="module")
-def done(tmp_path_factory: pytest.TempPathFactory) -> Done:
-    return Done(work_out(Given.of(recording=swing(), length=0.353), step=MINE), tmp_path_factory.mktemp("programs"))
+def worked() -> Worked:
+    return work_out(Given.of(recording=swing(), length=0.353), step=MINE)
+
+
+@pytest.fixture(scope="module")
+def small(worked: Worked, tmp_path_factory: pytest.TempPathFactory) -> Done:
+    """The program of Part 2.1 alone, for quick tests."""
+    return Done(worked, tmp_path_factory.mktemp("small"), "part_2_1.py")
+
+
+@pytest.fixture(scope="module")
+def done(worked: Worked, tmp_path_factory: pytest.TempPathFactory) -> Done:
+    return Done(worked, tmp_path_factory.mktemp("programs"))
 
 
 @pytest.fixture(scope="module")
@@ -109,6 +120,7 @@ def check_numbers(done: Done) -> None:
         assert any(name.startswith(start) for name in done.numbers), start
 
 
+@pytest.mark.slow
 def test_numbers_are_those_of_the_report(done: Done) -> None:
     check_numbers(done)
     assert "mean period of 6 oscillations of the recording" in done.numbers
@@ -123,6 +135,7 @@ def test_numbers_with_the_simulated_recording_are_those_of_the_report(simulated:
     assert "part_1_1.py" not in program_names(simulated.worked)
 
 
+@pytest.mark.slow
 def test_curves_are_those_of_the_report(done: Done) -> None:
     worked = done.worked
     runs = [("1_2", "", worked.small.forward), ("2_2", "", worked.large.run), ("2_5", "", worked.recorded.damped),
@@ -135,12 +148,12 @@ def test_curves_are_those_of_the_report(done: Done) -> None:
     np.testing.assert_allclose(done.curves("2_6")["recorded_rad"], worked.recorded.compared.recorded, atol=1e-12)
 
 
-def test_the_euler_methods_are_their_closed_forms(done: Done) -> None:
+def test_the_euler_methods_are_their_closed_forms(small: Done) -> None:
     """Forward Euler multiplies energy by 1 + (Omega dt)**2 in a step, backward Euler divides it by that."""
-    factor = (1.0 + (done.worked.small.omega * 0.01) ** 2) ** 1000
-    assert done.numbers["energy at the end over its start, forward_euler"] == pytest.approx(factor, rel=1e-10)
-    assert done.numbers["energy at the end over its start, backward_euler"] == pytest.approx(1.0 / factor, rel=1e-10)
-    curves, z = done.curves("2_1"), done.worked.small.omega * 0.01
+    factor = (1.0 + (small.worked.small.omega * 0.01) ** 2) ** 1000
+    assert small.numbers["energy at the end over its start, forward_euler"] == pytest.approx(factor, rel=1e-10)
+    assert small.numbers["energy at the end over its start, backward_euler"] == pytest.approx(1.0 / factor, rel=1e-10)
+    curves, z = small.curves("2_1"), small.worked.small.omega * 0.01
     step = np.array([[1.0 - z * z, 0.01], [-z * z / 0.01, 1.0]])  # (theta, omega) of symplectic Euler, by hand
     state = np.array([math.radians(5.0), 0.0])
     for angle, velocity in zip(curves["symplectic_euler_angle_rad"], curves["symplectic_euler_velocity_rad_s"],
@@ -149,6 +162,7 @@ def test_the_euler_methods_are_their_closed_forms(done: Done) -> None:
         state = step @ state
 
 
+@pytest.mark.slow
 def test_periods_runs_and_damping_are_those_of_scipy(done: Done) -> None:
     curves = done.curves("2_3")
     true = 4.0 * ellipk(np.sin(0.5 * np.radians(curves["amplitude_deg"])) ** 2) / done.worked.small.omega
@@ -164,6 +178,7 @@ def test_periods_runs_and_damping_are_those_of_scipy(done: Done) -> None:
     np.testing.assert_allclose(damped["angle_rad"][:500], truth.y[0], atol=ahead)
 
 
+@pytest.mark.slow
 def test_every_figure_of_the_report_is_drawn_by_a_program(done: Done) -> None:
     drawn = [path.stem.split("_", 3)[3] for path in done.folder.glob("part_*.png")]
     assert sorted(drawn) == sorted(draw.__name__ for draw in FIGURES)
@@ -175,6 +190,7 @@ def lines_of(folder: Path) -> Iterator[str]:
         yield from path.read_text(encoding="utf-8").split("\n")
 
 
+@pytest.mark.slow
 def test_programs_are_readable(done: Done) -> None:
     """No line is too long for a screen, and the loops are those that a student knows."""
     assert max(map(len, lines_of(done.folder))) <= 120
@@ -184,11 +200,11 @@ def test_programs_are_readable(done: Done) -> None:
     assert "pendulum_env" not in "".join(lines_of(done.folder))
 
 
-def test_the_report_names_the_programs(done: Done) -> None:
+def test_the_report_names_the_programs(worked: Worked) -> None:
     drawings = {draw.__name__: report.Drawing(i + 1, "") for i, draw in enumerate(FIGURES)}
     facts = {"Software": "x", "Python": "y", "Command": "z"}
-    page = report.page(done.worked, drawings, "", False, facts)
-    assert all(page.count(f"<code>{name}</code>") == 1 for name in program_names(done.worked))
+    page = report.page(worked, drawings, "", False, facts)
+    assert all(page.count(f"<code>{name}</code>") == 1 for name in program_names(worked))
     assert "part_1_1.py" in page
 
 
@@ -201,6 +217,7 @@ def test_the_program_of_a_recording_with_a_gap_does_not_count_its_oscillations_w
     assert "part_1_1.py" not in program_names(worked)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", ["if theta > 3: theta -= 2*math.pi\n" + MINE])
 def test_a_step_of_one_s_own_that_branches_is_left_out(step: str) -> None:
     text = dict(programs(work_out(Given.of(), step=step), LABELS, report.environment(language_of("en"))))["part_2_1.py"]

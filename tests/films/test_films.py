@@ -200,6 +200,7 @@ def test_a_gif_takes_frames_that_reuse_one_array(tmp_path):
     assert [lasting for _, lasting in parts] == [40, 40, 40]
 
 
+@pytest.mark.quick("0-0", "20-58")
 @pytest.mark.parametrize(("y", "x"), [(0, 0), (52, 60), (0, 60), (52, 0), (20, 3), (20, 58), (50, 30), (26, 26)])
 def test_a_gif_shows_a_change_of_one_pixel_at_any_place(tmp_path, y, x):
     dark = np.zeros((53, 61, 3), np.uint8)
@@ -241,6 +242,7 @@ def lasts(path):
     return len(data) // 4, 3600 * int(hours) + 60 * int(minutes) + float(seconds)
 
 
+@pytest.mark.quick("odd.mp4-24-3.3-0.31", "odd.gif-33.333333333333336-1.7-0.313")
 @pytest.mark.usefixtures("interpreted")
 @pytest.mark.parametrize(("name", "fps", "slow", "duration"), [
     ("true.mp4", 50, 1, 0.4), ("slow.mp4", 60, 4, 0.25), ("odd.mp4", 24, 3.3, 0.31), ("fast.mp4", 30, 0.5, 2.0),
@@ -261,6 +263,7 @@ def warnings_of(run):
     return [str(one.message) for one in caught]
 
 
+@pytest.mark.quick("exercise_large-rk4-goes slack-keywords0", "lab-rk4--keywords5")
 @pytest.mark.usefixtures("interpreted")
 @pytest.mark.parametrize(("scene", "integrator", "words", "keywords"), [
     ("exercise_large", "rk4", "goes slack", {"slack": "warn", "angle": 2.0, "duration": 1.0}),

@@ -66,6 +66,9 @@ PAIRS = [*(pytest.param(Environment, *name.values, marks=name.marks) for name in
 """Every kind of method: that each steps in the environment as in the study, the next test shows."""
 
 
+@pytest.mark.quick(
+    "Environment-velocity_verlet-NaN", "Environment-velocity_verlet-bang-bang", "Environment-velocity_verlet-1e308"
+)
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 @pytest.mark.parametrize(("agent", "method"), PAIRS)
 def test_actions_have_their_outcome_in_environments(agent: Any, case: Any, method: str) -> None:

@@ -236,6 +236,7 @@ def test_the_discrete_gradient_solves_its_own_equation_at_the_stiff_start() -> N
     assert np.all(np.abs(np.diff(v) - STIFF_STEP * wanted) <= 1e-13 * (np.abs(v[:-1]) + np.abs(v[1:]) + 1.0))
 
 
+@pytest.mark.quick("1.0-3.0-0.0")
 @pytest.mark.parametrize(("angle", "velocity"), [(3.0, 0.0), (1.0, 40.0)])
 @pytest.mark.parametrize("product", [0.05, 1.0, 3.0])
 def test_the_discrete_gradient_keeps_the_energy_at_any_step(product: float, angle: float, velocity: float) -> None:

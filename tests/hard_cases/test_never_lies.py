@@ -137,6 +137,7 @@ class Push(Effect):
 GROWING = Scene(effects=(Push(),))
 
 
+@pytest.mark.quick("by_rollout-False", "by_env-True")
 @pytest.mark.parametrize(("way", "adaptive"), [*((way, False) for way in WAYS), *((way, True) for way in SINGLE)])
 def test_leaving_the_finite_range_keeps_the_last_finite_state(way: Way, adaptive: bool) -> None:
     """v = a k sinh(k t), until the work of a step, the gain of v²/2, exceeds 1e150, the largest allowed value.

@@ -157,6 +157,7 @@ def test_a_case_of_each_group() -> None:
     assert not said, said
 
 
+@pytest.mark.slow
 def test_rk4_in_every_short_case() -> None:
     said = failures((case, METHODS["rk4"]) for case in SHORT)
     assert not said, said
@@ -197,6 +198,7 @@ def test_a_loose_tolerance_needs_a_reason() -> None:
     assert len(unexplained(run.entry(made("silent", Finding(ACCURATE, 0.1, 0.2)), METHODS["rk4"]))) == 1
 
 
+@pytest.mark.quick("half a swing more")
 @pytest.mark.parametrize("short", [-1, 1], ids=["half a swing less", "half a swing more"])
 def test_heat_of_another_way_is_refused(short: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Friction to rest takes its limit times the way; a way that is a half swing longer or shorter is another one.

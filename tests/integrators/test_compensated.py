@@ -92,6 +92,7 @@ def test_half_turns_take_nothing_away(angle: float, share: float) -> None:
 # --- the source -------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.quick("rk4", "velocity_verlet", "gauss4", "dopri5", "rkn43")
 @pytest.mark.parametrize("name", SUMS)
 def test_off_it_leaves_no_trace(name: str) -> None:
     assert unroll(METHODS[name]) == unroll(METHODS[name], compensated=False)

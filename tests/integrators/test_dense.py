@@ -355,6 +355,7 @@ def test_dense_output_of_high_nystroem_pairs_costs_a_few_steps(name: str, most: 
         assert 1.2 * plain < dense < most * plain
 
 
+@pytest.mark.quick("0.0001-0.0")
 @pytest.mark.parametrize(("rtol", "start"), [
     (1e-4, 0.0), (1e-12, 1e9), *(pytest.param(rtol, 0.0, marks=pytest.mark.slow) for rtol in (1e-8, 1e-14))])
 def test_quintics_meet_the_tolerance_too(rtol, start):

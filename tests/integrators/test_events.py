@@ -280,6 +280,7 @@ def test_a_ball_bounces_when_it_should(method: str) -> None:
     assert after[1] == pytest.approx(-0.8 * found.v_events[0][3])  # from the event on, the state after it
 
 
+@pytest.mark.quick("0.5-0.0", "0.1-1000.0")
 @pytest.mark.parametrize("floor", [0.0, 1000.0])
 @pytest.mark.parametrize("share", [0.95, 0.5, 0.1, 0.01, 1e-4, 0.0])
 def test_a_ball_that_comes_to_rest_ends_with_a_sentence(share: float, floor: float) -> None:

@@ -196,6 +196,7 @@ def swing(t: Any, y: Any) -> Any:
     return [y[1], -math.sin(y[0]) - 0.1 * y[1]]
 
 
+@pytest.mark.quick("dopri5-1e-08")
 @pytest.mark.parametrize("rtol", [1e-5, 1e-8, 1e-11])
 @pytest.mark.parametrize("name", PEERS)
 def test_it_costs_and_errs_about_as_much_as_scipys_solver(name: str, rtol: float) -> None:

@@ -67,6 +67,7 @@ def test_a_ball_that_bounces_ten_times() -> None:
         assert ours.t[-1] == ours.t_events[0][-1]
 
 
+@pytest.mark.slow
 def test_van_der_pol_at_5() -> None:
     def slope(t: float, y: Any, mu: float) -> Any:
         return [y[1], mu * (1.0 - y[0] ** 2) * y[1] - y[0]]

@@ -179,6 +179,7 @@ def true_end(omega0: float) -> float:
 # --- solve ----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.quick("0.7")
 @pytest.mark.parametrize("h", [0.01, 0.7, 13.0])
 def test_a_fit_of_the_oscillator_does_not_err_on_it(h: float) -> None:
     """theta = q cos(w t) + v/w sin(w t) (Landau & Lifshitz 1976, section 21), in floats, arrays and 40 digits."""

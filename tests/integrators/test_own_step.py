@@ -220,6 +220,7 @@ def test_numbers_of_forty_digits_go_through_it() -> None:
 # --- beside our methods ---------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_compare_cost_and_environments_take_it() -> None:
     own = from_step(forward_euler)
     found = compare("exercise_large", integrators=[own, "symplectic_euler"], duration=2.0)

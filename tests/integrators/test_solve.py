@@ -100,6 +100,7 @@ def test_stopping_on_the_way_changes_nothing(name):
     assert (stops.q[-1], stops.v[-1]) == (through.q[-1], through.v[-1])
 
 
+@pytest.mark.quick("rk4", "velocity_verlet", "gauss4", "blanes_moan_srkn11b", "quinlan8a", "mclachlan_ss5")
 @pytest.mark.parametrize("name", METHODS)
 def test_coupled_components_swing_in_their_normal_modes(name):
     """Two equal oscillators with a spring of stiffness 3/2 between them: frequencies 1 and 2."""

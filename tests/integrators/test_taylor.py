@@ -253,6 +253,7 @@ def test_scenes_have_the_coefficients_of_their_equation() -> None:
         assert found == pytest.approx(wanted, rel=1e-13)
 
 
+@pytest.mark.slow
 def test_interpreted_and_compiled_give_the_same_bits() -> None:
     asked: dict[str, Any] = {"integrator": "taylor5", "angle": 2.0, "velocity": 0.3, "duration": 3.0, "dt": 0.1,
                              "control": 0.5}
@@ -390,6 +391,7 @@ def test_the_curve_of_a_step_is_the_series(name: str) -> None:
     assert found.evaluations == found.steps == 1
 
 
+@pytest.mark.quick("1e-06-taylor5", "1e-12-taylor30")
 @pytest.mark.parametrize("name", ORDERS)
 @pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-12])
 def test_dense_output_and_events_meet_the_tolerance(name: str, rtol: float) -> None:

@@ -188,6 +188,7 @@ def test_the_true_law_is_ruled_out_in_few_cases_and_found_in_most() -> None:
     assert min(seen.values()) > 190
 
 
+@pytest.mark.slow
 def test_measure_writes_numbers_readings_and_figure(tmp_path: Path, run_here: Here) -> None:
     code, printed, said = run_here("measure", "--amplitudes", READINGS, "--period", "1.19", "--out", "x")
     assert code == 0, said

@@ -32,6 +32,11 @@ FELT = [name for name, one in FORMATS.items() if one.kind == "acceleration"]
 SWINGS = [name for name, one in FORMATS.items() if one.kind not in GATES and name not in REFUSED]
 
 
+@pytest.mark.quick(
+    "rotary sensor", "encoder changes", "phyphox gyroscope csv", "phyphox gyroscope zip", "phyphox gyroscope xls",
+    "bare track", "tracker project", "ultrasonic distance", "clock times", "german decimal commas",
+    "arduino with words between", "absolute rate"
+)
 @pytest.mark.parametrize("name", [name for name in SWINGS if name not in FELT])
 def test_a_swing_is_read_with_its_period_and_size(name: str, tmp_path: Path) -> None:
     """The strongest frequency of the readings is the swing's, and half their range is its amplitude, roughly."""
@@ -48,6 +53,7 @@ def test_a_swing_is_read_with_its_period_and_size(name: str, tmp_path: Path) -> 
     assert np.ptp(values) / 2.0 == pytest.approx(size, rel=0.15)
 
 
+@pytest.mark.quick("5-phyphox gyroscope csv", "5-rotary sensor")
 @pytest.mark.filterwarnings("ignore:The fit is", "ignore:The fitted gamma holds",
                             r"ignore:.* readings? .* off")  # as lost readings that are written as 0
 @pytest.mark.parametrize(("seed", "name"), [
@@ -63,6 +69,7 @@ def test_a_swing_is_read_and_fitted(name: str, seed: int, tmp_path: Path) -> Non
     assert abs(found["angle"].value) == pytest.approx(truth["amplitude"], rel=0.05)
 
 
+@pytest.mark.quick("5-gate states", "5-periods")
 @pytest.mark.parametrize("name", [name for name, one in FORMATS.items() if one.kind in GATES])
 @pytest.mark.parametrize("seed", [5, pytest.param(6, marks=pytest.mark.slow)])
 def test_a_photogate_gives_the_period_at_small_amplitude(name: str, seed: int, tmp_path: Path) -> None:
@@ -117,6 +124,7 @@ def test_a_gyroscope_is_fitted_by_its_own_readings(tmp_path: Path) -> None:
     assert abs(error.value - truth["length"]) < 5.0 * error.error + 1e-4 * truth["length"]
 
 
+@pytest.mark.quick("5-phone on a rod")
 @pytest.mark.parametrize(("seed", "name"), [
     pytest.param(seed, name, marks=() if seed == 5 and name in ("phyphox acceleration", "phone on a rod")
                  else pytest.mark.slow) for seed in (5, 6) for name in FELT if name in SWINGS])

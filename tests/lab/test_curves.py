@@ -38,6 +38,7 @@ def test_interpolated_curves_are_hermites(derivative: int) -> None:
         np.testing.assert_allclose(ends, (VALUES, slopes)[derivative][[0, -1]], rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.quick("rate")
 @pytest.mark.parametrize("sensor", ["angle", "rate", "force"])
 def test_a_run_is_the_same_in_every_batch(sensor: str) -> None:
     """Of one run, of eight with the extra one, and of more, that fill up the batch: the same bits."""

@@ -79,6 +79,7 @@ def test_the_mean_drive_is_the_mean_of_the_lagged_drive() -> None:
 # --- fits -----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_small_fit_finds_the_bench() -> None:
     found, true = small(), expected(BENCH, "action")
     assert set(found.names) == set(true)
@@ -165,6 +166,7 @@ def test_samples_scatter_as_the_fit_says() -> None:
     assert (drawn_scenes["lag"] >= 0.0).all()
 
 
+@pytest.mark.slow
 def test_an_environment_has_the_benchs_sensor_and_delay() -> None:
     """The delay is that of the bench, within its error and a quarter for rounding, in whole integration steps."""
     keywords = small().environment

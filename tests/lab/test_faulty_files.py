@@ -242,6 +242,7 @@ def passages(swing: Swing, width: float, until: float) -> tuple[np.ndarray, np.n
     return time[at] + 1e-4 * inside[at] / (inside[at] - inside[at + 1]), (inside[at + 1] > 0.0).astype(int)
 
 
+@pytest.mark.quick("0-7.0-0.025")
 @pytest.mark.parametrize(("amplitude", "width"), [(7.0, 0.025), (-33.0, 0.008)])
 @pytest.mark.parametrize("first", [0, 1])
 def test_a_gate_is_read_whichever_state_is_first(amplitude: float, first: int, width: float, tmp_path: Path) -> None:

@@ -181,6 +181,7 @@ def _bytes(path: Path, folder: Path, kind: str) -> Path:
     return spoilt
 
 
+@pytest.mark.quick("sound-no pictures", "cut-cut off|damaged")
 @pytest.mark.parametrize(("kind", "words"), [
     ("empty", "empty"), ("text", "expected a film"), ("cut", "cut off|damaged"), ("sound", "no pictures"),
     ("one_frame", "found 1|1 frame"), ("absent", "no such file"),

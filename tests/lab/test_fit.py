@@ -166,6 +166,7 @@ def test_swings_that_grow_are_said_to(gamma: float) -> None:
         fit(driven, ["none", "linear"], mass=MASS)
 
 
+@pytest.mark.slow
 def test_a_steady_growth_of_a_per_cent_leaves_the_fit_usable() -> None:
     time = even(60.0, 50.0)
     driven = recorded(time, swing(time, 0.35, length=0.353, gamma=-2.0 * math.log(1.013) / 60.0), noise=TENTH)
@@ -208,6 +209,7 @@ def test_a_number_of_a_mass_that_nobody_told_is_said_to_be() -> None:
         fit(plain(), "bearing", length=0.5)
 
 
+@pytest.mark.slow
 def test_progress_ends_at_one() -> None:
     told: list[float] = []
     fit(plain(), ["linear", "quadratic"], mass=MASS, progress=lambda done, _what: told.append(done))
@@ -332,6 +334,7 @@ def test_a_model_that_stops_has_no_angles_from_there_on() -> None:
     assert np.isnan(found[1][1:]).all()
 
 
+@pytest.mark.slow
 def test_a_length_that_is_far_off_is_said_to_fit_nothing() -> None:
     """A fixed length of twice the true one: trial motions stop, the fit ends with its warning."""
     with pytest.warns(UserWarning, match="^The fit is not usable, because"):

@@ -251,6 +251,7 @@ def test_files_say_where_they_come_from(found: Fit, tmp_path: Path) -> None:
     assert sizes[-10] / sizes[-1] == pytest.approx(math.exp(GAMMA / 2.0 * 9.0 * half), rel=0.02)
 
 
+@pytest.mark.slow
 def test_the_scene_is_what_gym_takes_and_compare_lays_on_the_recording(
     found: Fit, asked: list[dict[str, Any]], tmp_path: Path, run_here: Here,
     monkeypatch: pytest.MonkeyPatch,

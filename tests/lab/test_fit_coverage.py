@@ -88,6 +88,7 @@ def test_errors_hold_for_disturbed_recordings(disturbed: Any) -> None:
     assert 0.90 <= np.mean(held) <= 0.99
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "name"), [
     ("jumps", "zero"), *(pytest.param(*more, marks=pytest.mark.slow) for more in (
         ("zero drift", "zero"), ("length drift", "length")))])

@@ -23,6 +23,7 @@ def waves(amplitude: float, zero: float, phase: float) -> tuple[np.ndarray, np.n
     return zero + amplitude * np.cos(turn), slopes, -amplitude * np.sin(turn) * math.tau / 28.0
 
 
+@pytest.mark.quick("0.1")
 @pytest.mark.parametrize("noise", [0.0, 0.1, 1.0])
 def test_errors_of_a_wave_that_repeats_are_those_of_many_such(noise: float) -> None:
     """Compare with least-squares lines through 2000 rounded waves, by numpy.

@@ -247,6 +247,7 @@ def swinging(n: int = 1200, cycles: float = 40.0) -> tuple[Any, Any]:
     return np.stack([*wave, np.ones(n), wave[1] * phase, wave[0] * phase], axis=1), phase
 
 
+@pytest.mark.quick("2.0")
 @pytest.mark.parametrize("cycles", [2.0, 6.0, pytest.param(40.0, marks=pytest.mark.slow)])
 def test_noise_alone_has_the_errors_of_least_squares(cycles: float) -> None:
     """Of 200 drawn fits, 95 % intervals hold the truth, 0, in 91 to 99 % (1.5 % is one standard deviation), and the
@@ -266,6 +267,7 @@ def test_noise_alone_has_the_errors_of_least_squares(cycles: float) -> None:
     assert np.all((np.mean(held, axis=0) >= 0.91) & (np.mean(held, axis=0) <= 0.99))
 
 
+@pytest.mark.quick("zero")
 @pytest.mark.parametrize("kind", ["zero", "period", "jump", "second mode"])
 def test_errors_grow_smoothly_with_a_disturbance(kind: str) -> None:
     """A disturbance grows from 0.05 to 30 standard deviations of the noise in 20 steps. Within the steepest of them, in

@@ -180,6 +180,7 @@ def test_jumps_stay_on_request(tmp_path: Path) -> None:
         Recording.read(path, jumps="no")  # type: ignore[arg-type]
 
 
+@pytest.mark.quick("start", "gap")
 @pytest.mark.parametrize("what", ["nothing", "spike", "run", "start", "gap"])
 def test_other_faults_are_no_jumps(what: str, tmp_path: Path) -> None:
     time, seen = swing(40.0, 30.0)

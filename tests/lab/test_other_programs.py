@@ -401,6 +401,7 @@ WHOLE: dict[str, tuple[str, bytes]] = {
 }
 
 
+@pytest.mark.quick("MATLAB, compressed", "NumPy", "Logger Pro")
 @pytest.mark.parametrize("kind", WHOLE)
 def test_a_damaged_file_has_one_error(kind: str, tmp_path: Path) -> None:
     """Whatever decoder fails: a text, or RecordingError with the file's name in one line, and never anything else."""

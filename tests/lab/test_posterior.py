@@ -89,6 +89,7 @@ def test_the_density_of_a_linear_model_is_that_of_students_t(rate: bool) -> None
     assert density(rows) - density(mean) == pytest.approx(expected, abs=2e-3)
 
 
+@pytest.mark.quick("False")
 @pytest.mark.parametrize("rate", [False, True])
 def test_the_sum_of_squares_at_the_steps_is_that_of_the_readings(rate: bool) -> None:
     """Check it with a scale and far from the fit, against a direct sum over readings interpolated by SciPy."""
@@ -350,6 +351,7 @@ def test_it_is_as_wide_as_errors_that_allow_for_correlation() -> None:
 # --- the chain --------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.quick("0.5")
 @pytest.mark.parametrize("rho", [0.0, 0.5, 0.9])
 def test_autocorrelation_times_against_a_closed_form(rho: float) -> None:
     """An autoregressive chain has the time ``(1 + rho) / (1 - rho)``."""

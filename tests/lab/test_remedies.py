@@ -68,6 +68,7 @@ def test_a_wrong_scale_is_named(scale: float) -> None:
     assert (again.remedies, again.grade.word) == ((), "usable")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("scale", "option"), [
     (math.pi / 180.0, "--unit rad"), pytest.param(0.5 / math.pi, "--scale 6.28319", marks=pytest.mark.slow),
     pytest.param(1.0 / 360.0, "--scale 360", marks=pytest.mark.slow)])
@@ -111,6 +112,7 @@ def test_a_drift_of_the_zero_is_named(size: float) -> None:
     check(fitted(TIME, SWING + math.radians(size) * TIME / TIME[-1]), "drift", size)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stretch", [-0.004, pytest.param(0.04, marks=pytest.mark.slow)])
 def test_a_drift_of_the_period_is_named(stretch: float) -> None:
     """The period is proportional to the square root of the length; its change is relative to its mean."""
@@ -140,6 +142,7 @@ def test_many_outliers_are_counted() -> None:
     assert found.remedies[0].option == "--robust"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [1.2, pytest.param(3.0, marks=pytest.mark.slow)])
 def test_a_second_swing_that_fades_is_named(size: float) -> None:
     wave = math.radians(size) * np.exp(-1.1 * TIME) * np.cos(math.tau * 5.3 * TIME + 0.4)
@@ -170,6 +173,7 @@ def test_rates_are_tried_only_if_a_scale_explains_some_of_the_misfit(monkeypatch
     assert tried
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.97, pytest.param(1.04, marks=pytest.mark.slow)])
 def test_a_push_is_named(share: float) -> None:
     """At 15 s the bob swings on as from another amplitude: the velocity is multiplied at once."""
@@ -189,6 +193,7 @@ def test_a_push_is_named(share: float) -> None:
     assert found.remedies[0].option.startswith("--until 1")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("one", ["coulomb", pytest.param("linear", marks=pytest.mark.slow)])
 def test_a_damping_that_is_missing_is_named(one: str) -> None:
     found = fitted(TIME, motion(TIME, 60.0), effects=one)
@@ -269,6 +274,7 @@ def test_two_jumps_are_subtracted_together() -> None:
     assert found.rms == pytest.approx(fitted(TIME, SWING).rms, rel=0.02)
 
 
+@pytest.mark.slow
 def test_a_robust_fit_subtracts_the_jump_that_is_there() -> None:
     """The readings are pulled towards the model after the jump is gone, else they would hide a part of it."""
     moved = SWING + math.radians(1.5) * (TIME > 12.0)

@@ -234,6 +234,7 @@ def kind(request: pytest.FixtureRequest, all_interpreted: None) -> tuple[str, Ro
     return request.param, motion_of(request.param)
 
 
+@pytest.mark.quick("0.25 degree, uneven, 70 s from 3 degrees-5.0")
 @pytest.mark.parametrize("hand", [pytest.param(0.0, marks=pytest.mark.slow), 5.0])
 def test_recordings_of_real_kinds_are_measured_right(tmp_path: Path, kind: tuple[str, Rollout], hand: float) -> None:
     name, motion = kind

@@ -86,6 +86,7 @@ def test_a_missing_stretch_is_left_out() -> None:
     assert "T0 leaves out 1 of the cycles" in sheet.text
 
 
+@pytest.mark.slow
 def test_a_damped_oscillator_is_measured_within_its_errors() -> None:
     """The period of a damped oscillator does not depend on the amplitude, so only small angles agree with the
     correction."""

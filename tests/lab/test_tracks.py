@@ -40,6 +40,7 @@ def test_a_circle_through_its_points_is_found(arc: float) -> None:
     assert found.rms < 1e-8
 
 
+@pytest.mark.quick("80.0")
 @pytest.mark.parametrize("arc", [25.0, 80.0, 200.0])
 def test_the_circle_lies_within_its_error_and_is_the_nearest(arc: float) -> None:
     """Over 200 noisy tracks, the centre is off by its standard error along the less certain axis, and no other circle

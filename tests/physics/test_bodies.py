@@ -107,6 +107,10 @@ def scene_of(body: RigidBody, *more: Effect, medium: Medium | None = None, **val
 # --- the swing ------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.quick(
+    "rod-1.0", "disc near its centre-0.001", "kater-3.0", "measured-1.0", "rod with overhang-3.0",
+    "disc on its rim-1.0"
+)
 @pytest.mark.parametrize("angle", [1e-3, 1.0, 3.0])
 @pytest.mark.parametrize("name", SHAPES)
 def test_the_period_of_every_shape(name: str, angle: float) -> None:
@@ -201,6 +205,7 @@ def test_only_the_fibre_turns_a_body_without_the_effect_of_its_weight() -> None:
 # --- the pivot ------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.quick("rod", "disc on an arm", "kater inverted")
 @pytest.mark.parametrize("name", SHAPES)
 def test_the_pull_at_the_pivot_of_every_shape(name: str) -> None:
     """The constraint force from a Lagrangian in which the body may slide along its axis by r.
@@ -313,6 +318,7 @@ def example(body: RigidBody, effect: Effect) -> Scene | None:
         return None
 
 
+@pytest.mark.quick("torsion")
 @pytest.mark.parametrize("name", [
     pytest.param(name, marks=() if name in ("rod with overhang", "measured", "torsion") else pytest.mark.slow)
     for name in EXAMPLES])

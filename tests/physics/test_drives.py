@@ -81,6 +81,7 @@ def total(scene: Scene, role: str, t: Any, q: Any, v: Any = 0) -> Any:
 # --- one instant: Lagrange and Newton -------------------------------------------------------------------------------
 
 
+@pytest.mark.quick("both-with a rod")
 @pytest.mark.parametrize("rod", [(), (Rod(),)], ids=["point", "with a rod"])
 @pytest.mark.parametrize("shaken", SHAKEN)
 def test_the_acceleration_is_lagranges(shaken: str, rod: tuple[Effect, ...]) -> None:
@@ -223,6 +224,7 @@ def test_an_environment_warns_of_steps_too_long_for_its_drive() -> None:
 OMEGA0 = math.sqrt(9.81 / 0.4)
 
 
+@pytest.mark.quick("torque-under-resonant", "pivot-under-fast", "torque-over-slow", "pivot-critical-resonant")
 @pytest.mark.parametrize("ratio", [0.3, 1.0, 2.5], ids=["slow", "resonant", "fast"])
 @pytest.mark.parametrize("damping", [0.4, 2.0, 5.0], ids=["under", "critical", "over"])
 @pytest.mark.parametrize("drive", ["torque", "pivot"])

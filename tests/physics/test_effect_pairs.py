@@ -100,6 +100,7 @@ def fits(scene: Scene, method: str) -> bool:
     return not dry and integrators.get(method).needs <= offers(scene)
 
 
+@pytest.mark.slow
 def test_pairs_of_effects():
     """Run about every tenth pair with one method that fits; the slow test runs all pairs with all methods."""
     allowed = list(scenes())

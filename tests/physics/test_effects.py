@@ -180,6 +180,7 @@ def test_gravity_is_that_of_a_mass_on_an_arm() -> None:
 # --- what dissipates ------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.quick("linear_drag")
 @pytest.mark.parametrize("name", having("flow"))
 def test_a_flow_solves_its_torque(name: str) -> None:
     """The flow solves dv/dt = torque at fixed angle, by mpmath's Taylor series; two flows in a row equal one long flow.

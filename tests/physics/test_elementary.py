@@ -113,6 +113,7 @@ def ulps(got: float, exact: Any) -> float:
     return float(abs(got - exact) / math.ulp(float(exact)))
 
 
+@pytest.mark.quick("cos", "exp", "power")
 @pytest.mark.parametrize("name", elementary.__all__)
 def test_accuracy(name: str) -> None:
     function = FUNCTIONS[name]
@@ -205,6 +206,7 @@ def compiled() -> dict[str, Any]:
     return {n: loop(names[n], len(inspect.signature(FUNCTIONS[n]).parameters)) for n in elementary.__all__}
 
 
+@pytest.mark.quick("cos", "power")
 @pytest.mark.parametrize("name", elementary.__all__)
 def test_interpreted_and_compiled_give_the_same_bits(name: str, compiled: dict[str, Any]) -> None:
     signed = [s * x for x in SPECIAL for s in (1.0, -1.0)]

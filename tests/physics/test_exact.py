@@ -109,6 +109,7 @@ def test_pendulum_is_the_elliptic_motion_to_rounding(state: tuple[float, float, 
         assert abs(velocity - true_velocity) <= bound * omega0
 
 
+@pytest.mark.quick("turning")
 @pytest.mark.parametrize("name", ["wide", "turning", "to the top, over"])
 def test_pendulum_solves_the_equation_integrated_in_20_digits(name: str) -> None:
     angle, velocity, omega0 = STATES[name]
@@ -357,6 +358,7 @@ DAMPINGS = {
 }
 
 
+@pytest.mark.quick("linear", "quadratic", "all")
 @pytest.mark.parametrize("damping", DAMPINGS.values(), ids=DAMPINGS)
 def test_damped_amplitude_solves_the_averaged_equation(damping: tuple[float, float, float]) -> None:
     gamma, c, tau = map(mp.mpf, damping)
@@ -378,6 +380,7 @@ def test_damped_amplitude_comes_to_rest_and_stays(damping: tuple[float, float, f
     assert np.all(np.diff(amplitudes) <= 0.0)
 
 
+@pytest.mark.quick("damping2")
 @pytest.mark.parametrize(
     "damping", [(0.01, 0.0, 0.0), (0.0, 0.02, 0.0), (0.0, 0.0, 0.005), (0.01, 0.02, 0.005)]
 )

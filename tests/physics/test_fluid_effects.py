@@ -76,6 +76,7 @@ CORRECTIONS: dict[str, tuple[Scene, Scene, float, float]] = {
 }
 
 
+@pytest.mark.quick("finite amplitude", "buoyancy", "added mass with its boundary layer")
 @pytest.mark.parametrize("what", CORRECTIONS)
 def test_a_correction_of_the_period_is_that_of_the_simulation(what: str) -> None:
     """The textbook's correction of the period agrees with the simulation within 1 % of it, for the lab's bob."""
@@ -109,6 +110,7 @@ def small(name: str) -> tuple[Scene, Scene, Effect] | None:
     return base.with_effects((Gravity(), effect)), base, effect
 
 
+@pytest.mark.quick("buoyancy", "wire_drag", "finite_bob", "motor", "coulomb_friction", "vertical_drive")
 @pytest.mark.parametrize("name", [name for name in EFFECTS if name != "small_angle_gravity"])
 def test_predictions_are_near_the_simulation_where_they_are_small(name: str) -> None:
     """Predicted changes of period and amplitude, relative to small-angle gravity, are within 20 % of simulated ones."""

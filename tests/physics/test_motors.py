@@ -180,6 +180,7 @@ def test_torques_follow_the_line() -> None:
             for v in (-NO_LOAD, 0.0, 0.5 * NO_LOAD, NO_LOAD, 1.5 * NO_LOAD)] == [1.0, 1.0, 0.5, 0.0, -0.5]
 
 
+@pytest.mark.quick("supplied")
 @pytest.mark.parametrize("law", LAWS)
 def test_functions_of_the_torque_belong_together(law: str) -> None:
     """The slope by velocity is that of the torque, and the flow solves dv/dt = torque - torque at rest."""
@@ -418,6 +419,7 @@ def test_a_batch_of_motors_has_the_bits_of_single_runs(name: str, method: str, b
         assert np.array_equal(getattr(several, quantity)[1], getattr(one, quantity))
 
 
+@pytest.mark.slow
 @needs_node
 def test_motors_have_the_same_bits_in_node(tmp_path: Path) -> None:
     cases = [Case(MOTORS["prepared"], "velocity_verlet"), Case(MOTORS["voltage"], "rk4"),
@@ -435,6 +437,7 @@ MIXED: dict[str, list[float]] = {
 """Numbers of four environments, of which the first has the motor without options."""
 
 
+@pytest.mark.quick("rk4-lag", "velocity_verlet-lag+ramp+control_quantum+dead_zone")
 @pytest.mark.parametrize("names", [("lag",), ("ramp",), ("control_quantum", "dead_zone"), tuple(MIXED)], ids="+".join)
 @pytest.mark.parametrize("method", ["rk4", "velocity_verlet"])
 def test_0_and_more_may_stand_in_one_vector(names: tuple[str, ...], method: str) -> None:

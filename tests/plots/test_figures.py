@@ -245,6 +245,7 @@ def test_no_module_uses_pyplot_and_none_that_draws_figures_shows() -> None:
             assert called != "show" or "matplotlib" not in text, path
 
 
+@pytest.mark.quick("plots.motion.phase")
 @pytest.mark.parametrize("name", names())
 def test_it_draws_into_what_it_is_given_and_returns_it_and_changes_no_setting(name: str) -> None:
     function, before = FUNCTIONS[name], matplotlib.rcParams.copy()
@@ -289,6 +290,7 @@ def test_curves_that_are_several_have_a_legend(name: str) -> None:
         assert len(set(texts)) == len(texts)
 
 
+@pytest.mark.quick("plots.motion.phase")
 @pytest.mark.parametrize("name", names())
 def test_no_text_is_cut_off_or_lies_on_another(name: str) -> None:
     made = figure_of(drawn(name))

@@ -154,6 +154,7 @@ def test_two_runs_of_one_method_share_its_colour_and_differ_in_dashes():
     assert first.mark != second.mark
 
 
+@pytest.mark.quick("energy-9")
 @pytest.mark.parametrize("count", [9, *(pytest.param(count, marks=pytest.mark.slow) for count in (1, 2))])
 @pytest.mark.parametrize("draw", DRAWN)
 def test_one_method_stands_in_the_title_and_more_in_a_legend_that_fits(draw, count):
@@ -460,6 +461,7 @@ def test_a_page_has_the_title_and_the_note_that_it_was_given() -> None:
         assert sorted(found) == sorted(filter(None, (title, note)))
 
 
+@pytest.mark.quick("period-angle [rad]-velocity [rad/s]")
 @pytest.mark.parametrize(("event", "across", "up"), [
     ("period", "angle [rad]", "velocity [rad/s]"),
     ("bottom", "phase of the drive [rad]", "velocity [rad/s]"),

@@ -156,6 +156,7 @@ def test_the_table_says_limits_and_what_is_left_out() -> None:
             study.stability(bad)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("whole", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_the_command_writes_figures_and_a_table_with_their_origin(
     whole: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

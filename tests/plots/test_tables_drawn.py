@@ -44,6 +44,7 @@ def test_a_motors_push_is_no_loss() -> None:
     assert Audit(SCENES["lab"], 0.5, 1e-4, rows, 1e-9, 256, 5.0).loss == 0.006
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("count", "in_blocks"), [
     (5, True), pytest.param(len(METHODS), False, marks=pytest.mark.slow)])
 def test_the_matrix_of_few_methods_stands_in_blocks(count: int, in_blocks: bool) -> None:

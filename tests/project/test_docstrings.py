@@ -134,6 +134,7 @@ def inherited(label: str) -> bool:
     return any(UNIT.search(inspect.getdoc(vars(base)[name]) or "") for base in bases if name in vars(base))
 
 
+@pytest.mark.slow
 def test_errors_are_named() -> None:
     """Of what raises, or has its arguments checked, itself."""
     missing = {}

@@ -141,6 +141,7 @@ def circles() -> Iterator[frozenset[str]]:
             yield ring
 
 
+@pytest.mark.slow
 def test_no_circle_of_modules() -> None:
     assert set(circles()) == FAMILIES.keys()
 

@@ -58,6 +58,7 @@ WORDY = Orbits((), (), 1.23e-7, 1.23e-12, periodic=False, notes=("orbit without 
 TINY: dict[str, Any] = {"angle": 0.0, "velocity": 0.0, "past": None}
 
 
+@pytest.mark.slow
 def test_a_panel_is_one_entry_of_one_registry(monkeypatch: pytest.MonkeyPatch) -> None:
     """A new entry is accepted, gets an area, and is drawn there, without a line elsewhere."""
     mine = dataclasses.replace(PANELS["history"], what="a panel of one's own", room=(6.0, 3.0))
@@ -67,6 +68,7 @@ def test_a_panel_is_one_entry_of_one_registry(monkeypatch: pytest.MonkeyPatch) -
     assert not np.array_equal(alone, shown)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [200, *(pytest.param(size, marks=pytest.mark.slow) for size in (500, (900, 500)))])
 def test_texts_of_any_panels_neither_overlap_nor_leave_the_frame(size: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     for names in SUBSETS:
@@ -76,6 +78,7 @@ def test_texts_of_any_panels_neither_overlap_nor_leave_the_frame(size: Any, monk
         assert "t = 1234.56 s" in [text for text, *_ in texts]
 
 
+@pytest.mark.quick("500")
 @pytest.mark.parametrize("size", [280, 320, 500])
 def test_bars_have_names_and_graphs_scales_beside_all_other_panels(size: int, monkeypatch: pytest.MonkeyPatch) -> None:
     texts = [text for text, *_ in inked(monkeypatch, lambda: frame(ROD, BUSY, size, FrameStyle("light", (*PANELS,))))]
@@ -94,6 +97,7 @@ def test_a_degree_sign_is_a_ring(size: int) -> None:
     assert rows[0] == np.flatnonzero(mask("0", size).max(axis=1) > 127)[0]
 
 
+@pytest.mark.quick("curves0-energy", "curves0-history", "curves1-apparatus")
 @pytest.mark.parametrize("name", PANELS)
 @pytest.mark.parametrize("curves", [CURVES, WORDY])
 def test_texts_of_a_panel_of_any_area_neither_overlap_nor_leave_it(

@@ -100,6 +100,7 @@ def test_orbits_are_shown_only_where_they_are_known() -> None:
         assert not any((drawn.orbit, drawn.separatrix, drawn.notes))
 
 
+@pytest.mark.quick("exercise_large-orbit without losses", "kapitza-orbit without losses and drives")
 @pytest.mark.parametrize(("scene", "note"), [
     ("vacuum", "exact orbit"), ("textbook", "exact orbit"), ("exercise_large", "orbit without losses"),
     ("windy", "orbit without losses and drives"), ("kapitza", "orbit without losses and drives")])

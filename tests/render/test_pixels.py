@@ -168,6 +168,7 @@ def test_a_ball_covers_its_area(radius: float) -> None:
     assert (image[edge < 0.49] < 255).all()
 
 
+@pytest.mark.slow
 def test_nothing_outside_an_image_is_painted() -> None:
     """Compiled loops do not check indices: the image is a part of a larger one here."""
     for seed in range(100):

@@ -391,6 +391,7 @@ def lettered(monkeypatch, draw):
     return [box for box in boxes if box[0]]
 
 
+@pytest.mark.quick("200", "500", "size10")
 @pytest.mark.parametrize("size", SIZES)
 def test_texts_neither_overlap_nor_leave_the_frame(monkeypatch, size):
     view = View(1234.56, -3.0, -88.88, 1.0, -0.888, 1e-9, 1e30, 0.5, -math.inf, (), "midpoint " * 6, 1.0)
@@ -538,6 +539,7 @@ def test_an_end_of_a_bar_that_nobody_sees_is_not_painted(under, colour, overhang
     assert (image == under).all()
 
 
+@pytest.mark.slow
 def test_frames_need_no_display_and_the_import_no_pygame():
     script = """
 import sys

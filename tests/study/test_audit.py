@@ -248,11 +248,15 @@ def test_the_simulation_is_refined_to_the_tolerance():
     assert found.integration_error <= 1e-10
 
 
+@pytest.mark.slow
 def test_costs_are_numbers_for_what_was_simulated():
     for row in asked(SCENES["lab"], 0.5, 1e-2).values():
         assert math.isfinite(row.ns_per_step) == (row.verdict not in (NOT_JUDGED, NOT_SIMULATED))
 
 
+@pytest.mark.quick(
+    "arguments0-SceneError-tolerance must be a finite number above 0", "arguments9-SceneError-did you mean gravity"
+)
 @pytest.mark.parametrize(
     ("arguments", "error", "message"),
     [

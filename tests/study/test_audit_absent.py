@@ -219,6 +219,7 @@ def test_every_effect_is_asked_for_once(scene):
         assert bool(case.reason) != (case.effect is not None)
 
 
+@pytest.mark.slow
 def test_corrections_that_are_not_simulated_are_named():
     """Compare with the bending length sqrt(E I/(m g)), I = pi d⁴/64, which is 14.2 mm for 0.3 mm steel wire and 40 g.
 

@@ -219,6 +219,7 @@ def test_a_step_is_timed_warm_and_over_the_steps_it_took(monkeypatch):
     assert events[:4] == ["advance", "clock", "advance", "clock"]
 
 
+@pytest.mark.slow
 def test_runs_that_diverge_or_hardly_start_still_make_a_table():
     wild = compare("exercise", "forward_euler,rk4", dt=0.4, duration=120.0)
     assert row(wild, "forward_euler").stop.startswith("diverged at ")

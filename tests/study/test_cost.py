@@ -121,6 +121,7 @@ def check_adapted(methods):
         assert all(p.dt == pytest.approx(8.0 / p.steps, rel=1e-12) for p in points)
 
 
+@pytest.mark.slow
 def test_the_slope_of_adapted_steps_is_the_order_too():
     check_adapted(["bs3", "dopri5", "rkn43"])
 
@@ -261,6 +262,7 @@ def test_where_nothing_moves_there_is_no_phase():
     assert np.isnan(phase_errors(0.0, truth, truth.velocity, truth.angle, truth.velocity)).all()
 
 
+@pytest.mark.quick("vacuum", "driven")
 @pytest.mark.parametrize("scene", ["vacuum", "exercise_large", "sticky_bearing", "driven", "kapitza"])
 def test_accelerations_are_the_slope_of_the_reference_s_velocity(scene):
     """Compare with central differences of a reference solution at times 2e-5 s apart, except at turning points."""
@@ -583,6 +585,7 @@ def rough_files(rough, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return write(rough, tmp_path_factory.mktemp("rough"))
 
 
+@pytest.mark.slow
 def test_diverged_runs_are_in_the_table_only(rough, rough_files):
     lost = [p for p in rough.points if p.stop_reason]
     assert [(p.method, p.stop_reason) for p in lost] == [("forward_euler", "diverged"), ("rk4", "diverged")]

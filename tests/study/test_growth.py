@@ -347,6 +347,7 @@ def test_bad_input_gives_one_clear_error(arguments, error, message):
 # --- files ----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_table_and_the_files(few, tmp_path):
     shown = few.table
     assert [row[:3] for row in shown.rows] == [

@@ -76,6 +76,7 @@ def test_cost_of_a_scene_that_is_driven_from_rest() -> None:
     assert all(math.isfinite(point.energy_error) for point in found.points)
 
 
+@pytest.mark.slow
 def test_film_of_a_comparison_shows_the_work_of_a_drive(monkeypatch: pytest.MonkeyPatch) -> None:
     shown: list[Any] = []
     monkeypatch.setattr(files, "side_by_side", lambda panels, **_: shown.append(panels))

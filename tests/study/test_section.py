@@ -130,6 +130,7 @@ def peer_two(angle: float, velocity: float, end: float) -> Any:
                      (angle, velocity), method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
 
 
+@pytest.mark.slow
 def test_basins_of_a_motion_with_one_attractor_are_one() -> None:
     scene = Scene("linear", effects=(SmallAngleGravity(), LinearDrag(gamma=1.5), PeriodicTorque(
         drive_torque=0.4, drive_rate=2.0)))

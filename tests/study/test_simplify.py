@@ -68,6 +68,7 @@ def test_simplify_compares_over_the_usual_run_by_default():
     assert report.within
 
 
+@pytest.mark.slow
 def test_the_error_of_a_simplified_scene_is_that_of_another_program():
     """Compare with scipy's DOP853 on the lab scene with and without quadratic drag, for 5 s."""
     scene, amplitude, duration = SCENES["lab"], 0.5, 5.0
@@ -98,6 +99,7 @@ def bearing() -> Audit:
     return audit("sticky_bearing", amplitude=0.5, tolerance=1e-3, backend="python")
 
 
+@pytest.mark.slow
 def test_files(bearing, tmp_path):
     picture, table = write(bearing, tmp_path)
     lines = table.read_text().splitlines()

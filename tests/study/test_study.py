@@ -165,6 +165,7 @@ def test_words_are_taken_as_they_stand_and_all_settings_are_in_the_head(command,
     assert "# method: \"<function rollout" in head
 
 
+@pytest.mark.slow
 def test_ctrl_c_says_how_to_go_on(command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """130 is the exit code; the rows so far are written."""
     run = Speeds.run

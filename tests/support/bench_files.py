@@ -83,7 +83,7 @@ def let_go(length: float, gamma: float, angle: float, duration: float, rest: flo
     def slope(_time: float, state: Array) -> list[float]:
         return [state[1], -GRAVITY / length * math.sin(state[0]) - gamma * state[1]]
 
-    run = solve_ivp(slope, (0.0, duration - rest + 0.1), [angle, 0.0], method="DOP853", rtol=1e-10, atol=1e-12,
+    run = solve_ivp(slope, (0.0, duration - rest + 0.1), [angle, 0.0], method="DOP853", rtol=1e-8, atol=1e-10,
                     dense_output=True)
     between: Any = run.sol
     return Swing(length, gamma, abs(angle), math.copysign(1.0, angle), rest, duration, between)

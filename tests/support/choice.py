@@ -1,7 +1,7 @@
 """Which cases the quick tests take: methods are many, and slow tests take them all.
 
-Quick tests take the plain methods in every case; of the others, one in twenty-four or so in each test that needs no
-scene, so that each is in many. In tests that run methods in scenes only those of EVERYWHERE are quick, in some of the
+Quick tests take the plain methods in every case; of each further family one in every other test or so, and of the
+others one in twenty-four, in tests that need no scene, so that each is in many. In tests that run methods in scenes only those of EVERYWHERE are quick, in some of the
 cases; in scenes that are not FAMILIAR only rk4. Choices follow from names, so that a new entry changes no other
 entry's. Where whole combinations are many, tests take enough of them to hold pairs of values, in which methods of one
 kind count as one; ``LAB_PENDULUM_GRID=full`` takes each method for a kind of its own.
@@ -29,7 +29,7 @@ FITS = {(name, method) for name, scene in SCENES.items() for method in fitting(s
 """Scenes and the methods that fit them."""
 FULL = os.environ.get("LAB_PENDULUM_GRID") == "full"
 """Whether slow tests run each grid whole, rather than the pairs that it lists."""
-TURNS, FEWER = 24, 9
+TURNS, FEWER, OTHER = 24, 9, 2
 EVERYWHERE = (
     *sorted(PLAIN), "conformal_symplectic_euler", "dopri5", "gauss4",
     "discrete_gradient", "forest_ruth", "blanes_moan_srkn11b", "rkn43",
@@ -79,7 +79,8 @@ def is_quick(file: str, test: str, case: str, params: Mapping[str, Any]) -> bool
         return True
     rest = "-".join(part for part in case.split("-") if part not in integrators.METHODS)
     if file not in IN_SCENES:
-        return all(name in EVERYWHERE or turn_of(name, TURNS) == turn_of(test + rest, TURNS) for name in named)
+        return all(name in PLAIN or turn_of(test + rest + name, OTHER) == 0 if name in EVERYWHERE else
+                   turn_of(name, TURNS) == turn_of(test + rest, TURNS) for name in named)
     return named <= set(EVERYWHERE) and turn_of(test + rest, FEWER) == turn_of(str(sorted(named)), FEWER)
 
 

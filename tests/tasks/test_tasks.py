@@ -250,6 +250,7 @@ def test_a_name_is_written_as_json_and_an_object_refused() -> None:
 # --- Gymnasium --------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [pytest.param(name, marks=[] if name == "mine" else pytest.mark.slow)
                                   for name in OWN])
 def test_gymnasium_and_the_vector_check_are_content(name: str) -> None:

@@ -55,6 +55,7 @@ def test_drag_alone_has_its_closed_form():
     np.testing.assert_array_equal(found.velocity, speed)
 
 
+@pytest.mark.quick("libration", "damped")
 @pytest.mark.parametrize(
     ("effects", "start", "expected"),
     [
@@ -116,6 +117,7 @@ def test_dry_friction_holds_a_bob_released_within_its_limit():
     np.testing.assert_array_equal(found.angle, 0.99)
 
 
+@pytest.mark.slow
 def test_the_lab_against_a_taylor_series_in_22_digits():
     lab = SCENES["lab"]
     values = lab.coefficients

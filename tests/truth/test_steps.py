@@ -119,6 +119,7 @@ def test_the_package_takes_the_steps_of_its_tables(kind: type[Method], names: fr
     assert [pair for pair in tried if seen(METHODS[pair[0]], CASES[pair[1]])] == []
 
 
+@pytest.mark.quick("damped oscillator")
 @pytest.mark.parametrize("case", CASES)
 def test_the_oracle_of_a_method_of_high_order_is_the_motion(case: str) -> None:
     problem = CASES[case].problem
@@ -215,6 +216,7 @@ def test_the_oracles_see_every_step_that_is_slightly_another(
                     assert seen(method, CASES[case]), (name, case)
 
 
+@pytest.mark.quick("Exact", "Taylor", "SecondOrder", "DiscreteGradient", "BackwardDifference")
 @pytest.mark.parametrize("kind", FAMILIES, ids=lambda kind: kind.__name__)
 def test_references_see_every_family_that_steps_too_far(kind: type[Method], monkeypatch: pytest.MonkeyPatch) -> None:
     """Reference solutions stay unchanged, and the run deviates from them."""
@@ -236,6 +238,7 @@ def test_references_see_every_family_that_steps_too_far(kind: type[Method], monk
             assert error(other, again) > 1e-3
 
 
+@pytest.mark.slow
 def test_truths_that_take_steps_say_when_these_are_others(
     monkeypatch: pytest.MonkeyPatch, interpreted: None
 ) -> None:

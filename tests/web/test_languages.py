@@ -17,6 +17,7 @@ SAME = {"CSV", "Jupiter", "Link", "Mars", "PNG", "Planet X", "Python", "c"}
 """Words that other languages may write as English does."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("language", tables())
 def test_a_table_has_every_sentence(language: str) -> None:
     table = tables()[language]

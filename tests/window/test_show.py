@@ -113,6 +113,7 @@ def test_the_arrow_keys_push(clock: Clock, run_here: Here, steps: Steps) -> None
     assert screen.OPEN == []
 
 
+@pytest.mark.slow
 def test_methods_side_by_side_start_together_and_follow_their_own_method(
     clock: Clock, run_here: Here, steps: Steps
 ) -> None:

@@ -488,6 +488,7 @@ def recorded(env: Any, more: dict[str, Any]) -> tuple[str, ...]:
     return tuple(machine.names[: machine.width])
 
 
+@pytest.mark.quick("lab-more0", "sticky_bearing-more3")
 @pytest.mark.parametrize(("scene", "more"), [
     ("lab", {"diagnostics": ("heat_by_effect", "tension")}), ("textbook", {}), ("windy", {}), ("sticky_bearing", {}),
     ("lab", {"compensated": True}), ("lab", {"integrator": "dopri5", "rtol": 1e-6}),
