@@ -57,6 +57,7 @@ def test_a_scale_that_changes_enlarges_the_error_of_the_length() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("no_remedies")
 def test_the_lengths_of_both_halves_agree_within_three_errors_in_92_per_cent() -> None:
     """With errors of independent readings, half of the differences are above three errors, and some above ten. Six of
     the 90 halves show no more of a drift than the noise does, and their lengths are three to nine errors apart."""

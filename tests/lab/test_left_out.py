@@ -116,6 +116,7 @@ def test_a_robust_fit_is_that_of_scipy_with_soft_l1() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("no_remedies")
 def test_intervals_of_robust_fits_hold() -> None:
     """Of 3 x 40 intervals at 95 %, 90 to 99 % hold, with 3 % of the readings far off."""
     inside = []
