@@ -17,6 +17,7 @@ from choice import is_quick
 from command_line import run_here
 from fake_clock import clock
 from hypothesis import HealthCheck, settings
+from only_new import NEW
 from small_caches import start
 
 __all__ = ["bench_clock", "clock", "run_here", "start"]  # fixtures of several tests
@@ -91,7 +92,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[Any]) -> No
         mark = item.get_closest_marker("quick")
         if mark:
             named.setdefault((item.parent, item.originalname), set(mark.args)).discard(case.id)
-        if (mark and case.id not in mark.args) or not is_quick(item.path.stem, item.originalname, case.id, case.params):
+        others = mark and case.id not in mark.args and not any(name in case.id for name in NEW)
+        if others or not is_quick(item.path.stem, item.originalname, case.id, case.params):
             item.add_marker(pytest.mark.slow)
     missing = {f"{where.name}::{test}": sorted(rest) for (where, test), rest in named.items() if rest}
     if missing and not any("::" in word for word in config.args):  # where one case is asked for, others do not count

@@ -25,8 +25,9 @@ CHECKS = [(path.name, words) for path in sorted(Path(__file__).parent.glob("*_ch
 BLOCKS = [code for page in READMES.values()
           for code in re.findall(r"<!-- needs the extra jax -->\n```python\n(.*?)```", page, flags=re.S)]
 """Code of READMEs that uses the twin."""
-UNJOINED = "--xla_disable_hlo_passes=fusion"
-"""Option of JAX's compiler: it does not join operations, and compiles long steps several times faster."""
+HASTY = ("--xla_disable_hlo_passes=fusion --xla_backend_optimization_level=0 "
+         "--xla_llvm_disable_expensive_passes=true")
+"""Options of JAX's compiler: it joins no operations and improves little, and compiles several times faster."""
 
 
 @pytest.fixture(scope="session")
@@ -48,7 +49,7 @@ def test_checks_pass_where_jax_is(with_jax: Path, checks: str, words: str) -> No
     """All of them: those that quick tests would leave out, too."""
     path = Path(__file__).with_name(checks)
     done = run(with_jax, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-m", "slow or not slow", "-k", words, path,
-               flags=UNJOINED)
+               flags=HASTY)
     assert done.returncode == 0, done.stdout[-20_000:] + done.stderr[-5_000:]
     assert re.search(r"^\d+ passed(, \d+ deselected)? in", done.stdout, flags=re.M), done.stdout
 
@@ -57,7 +58,8 @@ def test_checks_pass_where_jax_is(with_jax: Path, checks: str, words: str) -> No
 def test_gymnaxs_own_wrappers_take_it(tmp_path_factory: pytest.TempPathFactory) -> None:
     """In an environment of its own, because gymnax holds Gymnasium below 1.4."""
     python = environment(tmp_path_factory, "gymnax", "gymnax==1.0.1", "jax>=0.6", "six")
-    done = run(python, "-m", "pytest", "-q", "-p", "no:cacheprovider", Path(__file__).with_name("gymnax_loop.py"))
+    done = run(python, "-m", "pytest", "-q", "-p", "no:cacheprovider", Path(__file__).with_name("gymnax_loop.py"),
+               flags=HASTY)
     assert done.returncode == 0, done.stdout[-20_000:] + done.stderr[-5_000:]
 
 

@@ -8,13 +8,12 @@ import math
 import re
 import shlex
 import shutil
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from check_all import check_all
+from command_line import Here
 from drawn_films import NAMES, draw
 from PIL import Image
 from readme_code import READMES, ROOT, without_code
@@ -118,13 +117,6 @@ def test_every_command_is_here() -> None:
     assert all((ROOT / "tests" / name).exists() for name in ELSEWHERE.values())
 
 
-def run(command: str, folder: Path) -> str:
-    words = [sys.executable, "-m", "pendulum_env", *shlex.split(command)[1:]]
-    done = subprocess.run(words, capture_output=True, text=True, cwd=folder, timeout=300)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
-
-
 @pytest.fixture(scope="module")
 def film(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("film") / "swing.mp4"
@@ -133,9 +125,22 @@ def film(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("default")
 @pytest.mark.parametrize("command", [command for command in SHORTER if command != PREPARED])
-def test_it_runs(command: str, tmp_path: Path, film: Path) -> None:
-    """The command that PREPARED names runs before the one that takes what it makes."""
+def test_it_runs(
+    command: str, tmp_path: Path, film: Path, run_here: Here, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In this process, which has imported all; compiled, where that is the usual.
+
+    The command that PREPARED names runs before the one that takes what it makes.
+    """
+    monkeypatch.delenv("LAB_PENDULUM_BACKEND")
+
+    def run(command: str) -> None:
+        code, printed, said = run_here(*shlex.split(command)[1:])
+        assert code == 0, said
+        assert printed
+
     shorter = SHORTER[command]
     shutil.copy(FILE, tmp_path / "swing.txt")
     if "swing.mp4" in command:
@@ -143,11 +148,11 @@ def test_it_runs(command: str, tmp_path: Path, film: Path) -> None:
     for name, text in BY_HAND.items():
         (tmp_path / name).write_text(text)
     if "scene.json" in command:
-        assert run(PREPARED, tmp_path)
+        run(PREPARED)
         shutil.copy(tmp_path / "out" / "fit" / "scene.json", tmp_path)
     for name in re.findall(r"--\S+", shorter):
         command = re.sub(rf" {name}[ =]\S+", "", command)
-    assert run(f"{command} {shorter}", tmp_path)
+    run(f"{command} {shorter}")
 
 
 @pytest.mark.slow
