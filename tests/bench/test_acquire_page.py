@@ -348,6 +348,7 @@ def test_readings_are_shown_in_their_unit(kind: str, tmp_path: Path) -> None:
     assert (state["unit"], state["quantity"]) == (unit, source.quantity)
 
 
+@pytest.mark.slow
 def test_a_gyroscopes_angle_is_integrated(tmp_path: Path) -> None:
     """The integral of 5 cos(5 t) rad/s is sin(5 t) rad."""
     with served(Steady(title="Gyroscope z (rad/s)", quantity="rate"), out=tmp_path / "x.csv") as page:

@@ -188,6 +188,7 @@ def test_letters_beyond_ascii_are_no_noise(board: Board, opened: Any) -> None:
     assert not any(note.startswith("rate:") for note in source.notes)
 
 
+@pytest.mark.slow
 def test_lines_without_times_count_what_a_gap_has_lost(board: Board, opened: Any) -> None:
     source = opened(board)
     board.send("garbage?", *["7.5"] * 3)

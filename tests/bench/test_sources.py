@@ -71,6 +71,7 @@ def test_reading_in_parts_is_one_motion(scene: str, integrator: str, bench_clock
     np.testing.assert_array_equal(np.radians(angles), np.radians(np.degrees(whole.angle)))
 
 
+@pytest.mark.slow
 def test_lift_and_let_go(bench_clock: BenchClock) -> None:
     source = Virtual("textbook", wait=None, angle=0.0, **BARE)
     source.open()

@@ -221,6 +221,7 @@ def test_a_board_at_a_serial_port(tmp_path: Path) -> None:
     board.close()
 
 
+@pytest.mark.slow
 def test_a_board_that_does_not_start_says_why() -> None:
     board = VirtualBoard("lab")
     vars(board)["scene"] = "nowhere"  # past the check

@@ -197,7 +197,8 @@ TYPED = ("scene",)
 """Cases that run as a process of their own; the others call the command's function."""
 
 
-@pytest.mark.parametrize("case", BAD)
+@pytest.mark.parametrize("case", [pytest.param(case, marks=[pytest.mark.slow] if "scheduler" in case else [])
+                                  for case in BAD])
 def test_bad_input_one_sentence_no_traceback_files_as_they_were(
     case: str, tmp_path: Path, run_here: Here
 ) -> None:

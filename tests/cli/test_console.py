@@ -188,6 +188,7 @@ def test_closed_streams_are_no_error(closed: str, tmp_path: Path) -> None:
     assert done.stdout == ""
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="shells differ")
 def test_a_pipe_that_is_closed_is_no_error() -> None:
     reading, writing = os.pipe()

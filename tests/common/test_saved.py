@@ -194,6 +194,7 @@ def test_arrays_are_called_by_their_places(files: Mapping[str, Path]) -> None:
         assert file["t_events.0.3"].shape == small("batch").t_events[0][1, 1].shape
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["Rollout", *(pytest.param(name, marks=pytest.mark.slow) for name in (
     "Growth", "Matrix", "Section", "Basins", "Recording", "Comparison", "LabSheet", "Audit", "Simplification"))])
 def test_figures_and_cards_of_a_loaded_result_are_those_of_the_result(name: str, files: Mapping[str, Path]) -> None:

@@ -68,6 +68,7 @@ STEPS = [
 ]
 
 
+@pytest.mark.quick("rk4-0.01", "gauss4-0.1", "velocity_verlet-0.05", "dopri5-0.1")
 @pytest.mark.parametrize(("method", "h"), STEPS)
 def test_estimates_are_within_ten_of_the_true_error_of_a_large_swing(method: str, h: float) -> None:
     """Check that estimates are within a factor of 10 of the true error, from a tenth of the motion down to rounding."""

@@ -87,6 +87,10 @@ def bits(value: Any) -> str:
     return "nan" if value != value else float(value).hex()
 
 
+@pytest.mark.quick(
+    "arithmetic", "a choice", "truth values that are compared", "max and min", "a function of functions",
+    "a loop that carries a number on", "a loop that ends early", "a branch", "a power", "numbers of other types"
+)
 @pytest.mark.parametrize("name", [*WHOLE, *LEFT])
 def test_functions_have_the_bits_that_python_computes(name: str) -> None:
     text = HEAD + {**WHOLE, **LEFT}[name] + GO
@@ -151,6 +155,7 @@ def test_loops_over_blocks_have_the_bits_that_python_computes(name: str) -> None
     assert left(text + BLOCK_GO, given=arrays) == ["go"]
 
 
+@pytest.mark.quick("a sum", "a branch")
 @pytest.mark.parametrize("name", CARRIED)
 def test_loops_that_carry_numbers_on_are_left_to_numba(name: str) -> None:
     text, numbers, found = CARRIED[name] + BLOCK_GO, np.array([0.7, -1.3, 2.5, 1e-3, -0.0, 17.0, 3.25, -9.0], F8), []

@@ -94,6 +94,7 @@ def test_every_explicit_one_step_method_has_a_plain_program(method: str) -> None
 FEW_STAGES = [name for name in NAMES if METHODS[name].evaluations <= 4]
 
 
+@pytest.mark.quick("lab", "vacuum")
 @pytest.mark.parametrize("scene", familiar(SCENES))
 def test_programs_of_up_to_four_stages_are_short(scene: str) -> None:
     """Check every scene; a splitting method with more than ten sub-flows, drags included, has as many lines more."""
@@ -106,6 +107,7 @@ def test_programs_of_up_to_four_stages_are_short(scene: str) -> None:
         assert max(map(len, program.splitlines())) <= 120, name
 
 
+@pytest.mark.quick("lab-rk4", "vacuum-symplectic_euler", "sticky_bearing-velocity_verlet")
 @pytest.mark.parametrize("method", ["symplectic_euler", "velocity_verlet", "rk4"])
 @pytest.mark.parametrize("scene", familiar(SCENES))
 def test_every_scene_has_one(scene: str, method: str) -> None:

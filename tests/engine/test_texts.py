@@ -80,6 +80,7 @@ def test_a_docstring_holds_any_text(text: str) -> None:
     assert ast.get_docstring(node, clean=False) == text
 
 
+@pytest.mark.quick("Smith 2001, \"On methods\"", "at the end\"", "100 % %s %(a)s %")
 @pytest.mark.parametrize("text", TEXTS)
 def test_programs_move_as_without_the_text(text: str) -> None:
     scene, method = scene_with(text), method_with(text)
@@ -109,6 +110,7 @@ def test_javascript_and_pages_hold_any_text(tmp_path: Path) -> None:
     assert (done.stdout, done.stderr) == ("1\n", "")
 
 
+@pytest.mark.quick("Smith 2001, \"On methods\"", "at the end\"", "100 % %s %(a)s %", "a_ b__c _d a_bc ' ^")
 @pytest.mark.parametrize("text", TEXTS)
 def test_equations_are_latex_and_mathml(text: str) -> None:
     """Matplotlib's parser reads the LaTeX, except for \\&, which it does not know; an XML parser reads the MathML."""

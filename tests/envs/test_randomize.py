@@ -135,6 +135,7 @@ def test_a_fit_has_its_mean_and_covariance() -> None:
         assert stats.kstest(row, stats.norm(mean, np.sqrt(variance)).cdf).pvalue > 0.01
 
 
+@pytest.mark.slow
 def test_bounds_of_a_fit_hold() -> None:
     """Check that values below their bounds are drawn again: the last parameter has a truncated normal distribution."""
     found = scatter().scatter

@@ -219,6 +219,7 @@ def test_tiles_are_the_frames_of_the_first_environments(count: int, monkeypatch:
     assert texts.count("rk4") == many
 
 
+@pytest.mark.slow
 def test_a_vectors_frames_are_those_of_single_environments_to_the_last_pixel() -> None:
     keywords: dict[str, Any] = {"task": "balance", "render_mode": "rgb_array", "render_panels": ("apparatus",),
                                 "render_size": 200, "backend": "python"}

@@ -88,6 +88,7 @@ def test_threads_that_sleep_are_woken() -> None:
     assert bits(stepped(vector(2)), pause=5 * spinning.LIMIT) == wanted
 
 
+@pytest.mark.slow
 def test_a_step_does_not_wait_for_a_thread_that_never_comes(monkeypatch: pytest.MonkeyPatch) -> None:
     wanted = bits(vector(1))
     monkeypatch.setattr(spinning, "_work", lambda *arguments: time.sleep(0.5))

@@ -75,6 +75,7 @@ def test_all_legends_are_in_their_figures(worked: Worked) -> None:
             assert box is None or (box.x0 >= 0.0 and box.x1 <= figure.bbox.width and box.y1 <= figure.bbox.height)
 
 
+@pytest.mark.slow
 def test_a_page_may_end_between_the_rows_of_a_figure(worked: Worked) -> None:
     strips = figures.large_strips(worked, LABELS)
     places, height = figures.cuts(strips), strips.bbox.height

@@ -110,6 +110,7 @@ def shown_in(worked: Worked, draw: report.Any, texts: Language) -> list[str]:
     return [found.get_text() for found in drawing.findobj(Text) if found.get_text()]
 
 
+@pytest.mark.quick("halved")
 @pytest.mark.parametrize("name", ["halved", "kater"])
 def test_figures_have_the_words_and_numbers_of_the_language(worked: Worked, name: str) -> None:
     draw = next(one for one in figures_of(worked) if one.__name__ == name)

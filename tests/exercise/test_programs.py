@@ -208,6 +208,7 @@ def test_the_report_names_the_programs(worked: Worked) -> None:
     assert "part_1_1.py" in page
 
 
+@pytest.mark.slow
 def test_the_program_of_a_recording_with_a_gap_does_not_count_its_oscillations_wrongly() -> None:
     """Readings miss for one oscillation among the first six, which the report counts all the same."""
     whole = swing()

@@ -82,6 +82,7 @@ def test_an_mp4_lasts_as_long_as_the_run_and_shows_it(tmp_path, fps, size):
     assert {"title=Swing", 'comment={"scene": "exercise", "title": "Swing"}'} <= set(tags)
 
 
+@pytest.mark.quick("33.333333333333336-3")
 @pytest.mark.parametrize(("fps", "delay"), [(50, 2), (25, 4), (10, 10), (100 / 3, 3)])
 def test_a_gif_keeps_its_delays_and_comment(tmp_path, fps, delay):
     path = write_film(tmp_path / "swing.gif", pictures(5), fps, {"scene": "exercise"})

@@ -34,6 +34,7 @@ DAMPED = [name for name, method in METHODS.items() if "velocity_free" not in met
 CUT_OFF = {"forward_euler": 1, "midpoint": 2, "heun": 2, "ralston": 2, "kutta3": 3, "ssp_rk3": 3, "rk4": 4, "rk4_38": 4}
 
 
+@pytest.mark.quick("0.5", "2.01", "10.0")
 @pytest.mark.parametrize("product", [*steps.PRODUCTS, steps.PERIODS])
 def test_amplitudes_grow_as_published_eigenvalues_say(product: float) -> None:
     with mpmath.workdps(40):

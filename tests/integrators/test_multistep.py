@@ -240,6 +240,7 @@ def test_summed_steps_round_less() -> None:
 # --- quadratures ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MANY)
 def test_quadratures_have_the_order_of_the_method(name: str) -> None:
     """The work of the weight along the driven pendulum is the gain of cos q."""
@@ -285,6 +286,7 @@ def test_extrapolation_meets_the_order_conditions(order: int) -> None:
     assert any(c.defect for c in conditions if c.order > order)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [6, *(pytest.param(order, marks=pytest.mark.slow) for order in (10, 16))])
 def test_extrapolation_shows_its_order(order: int) -> None:
     assert observed_order(extrapolated_midpoint(order), damped="linear", digits=70) == pytest.approx(order, abs=0.1)

@@ -41,6 +41,7 @@ TRUE = {"linear": ({"gamma": 0.05, "c": 0.0, "tau": 0.0}, 0.025),
 """Law -> constants of the motion, and the rate of the envelope at small angles (Nelson & Olsson 1986)."""
 
 
+@pytest.mark.quick("1.2-linear", "0.3-quadratic", "1.2-constant")
 @pytest.mark.parametrize("law", TRUE)
 @pytest.mark.parametrize("start", [0.3, 1.2])
 def test_each_law_is_recognised_and_its_rate_is_that_of_the_motion(law: str, start: float) -> None:

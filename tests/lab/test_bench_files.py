@@ -219,6 +219,7 @@ def test_columns_are_chosen_by_kind(columns: Any, problem: str, tmp_path: Path) 
         np.testing.assert_array_equal(Recording.read(path, columns=columns).angle, Recording.read(path).angle)
 
 
+@pytest.mark.slow
 def test_readings_are_left_out_on_request(tmp_path: Path) -> None:
     path, _ = written("rotary sensor", tmp_path)
     whole, part = Recording.read(path), Recording.read(path, until=20.0, drop="12.5:13.1")

@@ -185,6 +185,7 @@ def rows_at_changes(swing: Swing, quantum: float, until: float, tick: float = 5e
     return time[rows], quantum * count[rows]
 
 
+@pytest.mark.quick("0.36-1.0")
 @pytest.mark.parametrize(("quantum", "side"), [(0.1, -1.0), (0.36, 1.0), (1.0, -1.0), (2.0, 1.0)])
 def test_an_encoder_that_writes_changes_is_measured_for_every_quantum(
     quantum: float, side: float, tmp_path: Path
@@ -652,6 +653,7 @@ def test_a_bench_without_viscous_friction_is_at_its_bound() -> None:
     check_at_bound(found)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:The fitted gamma holds")
 def test_a_drag_of_a_free_swing_is_at_its_bound_too() -> None:
     """A swing with linear drag alone, fitted with quadratic drag, too: half of such fits are at the bound of c."""

@@ -153,6 +153,7 @@ def line_fit(seed: int, factor: float, n: int = 400) -> Fit:
     return fitted(curve(("a", "b"), lambda x: x[0] + x[1] * wave), 2.0 + noise[200:], [1.0, 0.0], swing=10)
 
 
+@pytest.mark.slow
 def test_the_bootstrap_of_independent_residuals_is_least_squares() -> None:
     """1000 refits give a variance to 5 %, and blocks of 16 of 4000 readings give the variance of white noise to 7 %."""
     found = line_fit(1, 0.0, 4000)

@@ -80,6 +80,7 @@ def test_three_degrees_that_hardly_decay_at_a_quarter_of_a_degree() -> None:
     assert "linear_drag.gamma" in found.how
 
 
+@pytest.mark.slow
 def test_a_decay_through_many_quanta_is_left_as_it_was() -> None:
     time = even(60.0, 20.0)
     seen = recorded(time, swing(time, 0.35, length=LENGTH, gamma=0.05), quantum=QUANTUM, noise=0.5 * QUANTUM)

@@ -62,6 +62,7 @@ def test_swings_below_a_share_of_the_first_are_left_out() -> None:
     assert found.parameters["length"].value == pytest.approx(LENGTH, rel=1e-4)
 
 
+@pytest.mark.quick("options0", "options3")
 @pytest.mark.parametrize("options", [
     {"above": 0.0}, {"above": 1.0}, {"above": "5 degrees"}, {"above": True}, {"drop": "13:12"}, {"drop": "x"},
     {"drop": (1.0,)}, {"drop": 3.0}, {"until": -1.0}, {"until": "late"}])
@@ -199,6 +200,7 @@ def test_other_faults_are_no_jumps(what: str, tmp_path: Path) -> None:
 # --- displacements and tracks ----------------------------------------------------------------------------------------
 
 
+@pytest.mark.quick("ultrasonic distance")
 @pytest.mark.parametrize("name", ["sideways position", "ultrasonic distance"])
 def test_a_displacement_is_fitted_with_scale_and_zero_free(name: str, tmp_path: Path) -> None:
     path, truth = written(name, tmp_path)

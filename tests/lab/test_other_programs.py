@@ -320,6 +320,7 @@ def test_logs_of_a_micro_bit_that_are_refused(data: bytes, why: str, tmp_path: P
 # --- counts ---------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.quick("ax,ay,az-2048", "AccX_raw,AccY_raw,AccZ_raw-512")
 @pytest.mark.parametrize("counts", [256, 512, 2048, 4096, 16384])
 @pytest.mark.parametrize("names", ["ax,ay,az", "AccX_raw,AccY_raw,AccZ_raw"])
 def test_counts_of_an_accelerometer_are_recognised_by_gravity(names: str, counts: int, tmp_path: Path) -> None:

@@ -157,6 +157,7 @@ def test_the_sample_of_a_linear_model_has_the_quantiles_of_students_t() -> None:
     assert (low, high) == pytest.approx(harmonic().interval("angle", 0.68), abs=0.1 * float(errors[0]))
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:The chain is too short")
 def test_the_same_seed_gives_the_same_samples() -> None:
     one, same, other = (harmonic().posterior(steps=40, seed=seed, progress=False) for seed in (3, 3, 4))

@@ -59,6 +59,7 @@ def scenes(gravity: float = 9.81, suspension: str = "rod") -> Iterator[Scene]:
             continue
 
 
+@pytest.mark.quick("adaptive-Gravity()", "adaptive-WireDrag()", "adaptive-Motor()", "adaptive-Gusts()")
 @pytest.mark.parametrize("effect", MODELS, ids=repr)
 @pytest.mark.parametrize("form", ["adaptive", "compensated"])
 def test_names_of_effects_and_of_controllers_do_not_clash(effect, form):

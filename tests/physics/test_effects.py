@@ -56,6 +56,7 @@ def _many_digits() -> Any:
 # --- functions of one effect against each other ---------------------------------------------------------------------
 
 
+@pytest.mark.quick("sphere_drag--1.0", "horizontal_drive--1.0", "motor--1.0", "smooth_friction--1.0")
 @pytest.mark.parametrize("side", [-1.0, pytest.param(1.0, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", having("torque"))
 def test_derivatives_are_those_of_the_torque(name: str, side: float) -> None:

@@ -75,6 +75,7 @@ def expression(text: str) -> str:
     return re.sub(r"(?<=[\w)]) (?=[\w(])", "*", text)
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(scenes(), st.floats(-3.0, 3.0), st.floats(-5.0, 5.0), st.floats(0.0, 2.0))
 def test_the_equation_is_the_sum_of_the_torques(scene: Scene, q: float, v: float, t: float) -> None:

@@ -103,6 +103,7 @@ def test_the_exact_method_has_one_map() -> None:
     assert [axes.get_title("left") for axes in drawn.axes if axes.get_title("left")] == ["exact", "rk4"]
 
 
+@pytest.mark.slow
 def test_maps_are_the_growth_and_mark_where_it_is_unstable() -> None:
     made = figures.damped(SHEET)
     names = [axes.get_title("left") for axes in made.axes if axes.get_title("left")]

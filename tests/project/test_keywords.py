@@ -27,8 +27,8 @@ PUBLIC = dict(public())
 PAIRS = [(label, keyword.name) for label, function in PUBLIC.items() for keyword in keywords(function)]
 STUDIES = (
     "audit", "simplify", "compare", "compare.write", "cost", "growth", "choose", "stress", "fit", "lab.fit_driven")
-READERS = ("lab.track", "lab.follow", "lab.measure_amplitudes")
-"""Functions that take seconds for each value that they accept: of films, and of amplitudes read by hand."""
+READERS = ("film", "lab.track", "lab.follow", "lab.measure_amplitudes", "lab.measure_gate", "lab.DrivenLog.read")
+"""Functions that take long for each value that they accept: of films, tables and readings by hand."""
 
 
 FITS = ("fit", "lab.fit_driven")

@@ -157,6 +157,7 @@ def test_the_torque_arrow_turns_with_the_torque_and_grows_with_it():
     assert changed[-1.0] == pytest.approx(changed[1.0], rel=0.05)
 
 
+@pytest.mark.quick("3.0-1.0")
 @pytest.mark.parametrize(("start", "share"), [(0.0, 1.0), (2.0, -0.3), (3.0, 1.0), (-3.0, -1.0), (7.0, 0.3)])
 def test_the_torque_arrow_begins_at_the_rod_and_its_tip_is_where_its_size_puts_it(start, share):
     """The arrow of the largest torque spans 120 degrees, and its area does not depend on where it begins."""

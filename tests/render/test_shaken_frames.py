@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -34,14 +35,16 @@ def bob(angle: float, x: float = 0.0, y: float = 0.0) -> Any:
     return centre(frame(SHAKEN, View(0.0, angle, pivot=(x, y))))
 
 
-SCALE = float(bob(0.0)[1] - bob(math.pi)[1]) / 2 / SHAKEN.length
-"""Pixels a metre."""
+@cache
+def scale() -> float:
+    """Pixels a metre."""
+    return float(bob(0.0)[1] - bob(math.pi)[1]) / 2 / SHAKEN.length
 
 
 @pytest.mark.parametrize(("right", "up"), [(13, 0), (0, 25), (-8, -25)])
 def test_wheel_rod_and_bob_go_with_the_pivot(right: int, up: int) -> None:
     """A pivot that moves by whole pixels moves the picture around it; the stand does not move."""
-    x, y = right / SCALE, up / SCALE
+    x, y = right / scale(), up / scale()
     for angle in (0.0, 0.7):
         assert bob(angle, x, y) - bob(angle) == pytest.approx((right, -up), abs=0.1)
     rest, moved = (frame(SHAKEN, View(0.0, 0.7, pivot=away)).astype(int) for away in ((0.0, 0.0), (x, y)))
@@ -52,7 +55,7 @@ def test_wheel_rod_and_bob_go_with_the_pivot(right: int, up: int) -> None:
 
 
 def test_all_of_it_stays_in_the_frame() -> None:
-    body = bob(math.pi, 0.0, 0.1)[1] - SHAKEN.bob_radius * SCALE
+    body = bob(math.pi, 0.0, 0.1)[1] - SHAKEN.bob_radius * scale()
     assert 0.0 < body - 1.5 * 21 < 0.1 * 500
 
 
@@ -71,7 +74,7 @@ def test_the_trail_is_the_bobs_path_and_fades() -> None:
     assert np.average(np.arange(500) + 0.5, weights=ink.sum(axis=1)) == pytest.approx(y, abs=0.2)
     columns = np.nonzero(ink.sum(axis=0) > 1.0)[0]
     assert bob(0.0, -0.05)[0] < columns[0] < bob(0.0, -0.05)[0] + 15
-    assert x - SHAKEN.bob_radius * SCALE - 3 < columns[-1] < x
+    assert x - SHAKEN.bob_radius * scale() - 3 < columns[-1] < x
     strength = ink.max(axis=0)[columns[0] : columns[-1] - 2]
     assert np.all(np.diff(strength) >= -1.0)
     assert strength[-1] > 4.0 * strength[len(strength) // 4]
@@ -119,6 +122,7 @@ def filmed(kind: str, folder: Path) -> None:
         env.render()
 
 
+@pytest.mark.quick("single", "record")
 @pytest.mark.usefixtures("interpreted")
 @pytest.mark.parametrize("kind", ["single", "vector", "record", "compare"])
 def test_the_pivot_is_where_the_drives_put_it(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -161,6 +161,7 @@ def test_an_absent_model_is_compared_in_place_of_the_one_that_is_there():
     assert (row.verdict, row.note) == (NEGLIGIBLE, "accurate enough in place of smooth_drag")
 
 
+@pytest.mark.slow
 def test_the_laws_of_the_bobs_drag_stand_in_each_others_place():
     """At Re = 1400 Stokes' law gives some 25 times too little drag; a constant C_d is within 4 %."""
     lab = SCENES["lab"]

@@ -441,6 +441,7 @@ def test_files_carry_the_data_and_where_they_come_from(exercise, tmp_path):
     assert float(rows[3]["phase_error_rad"]) == exercise.drift[3].phase
 
 
+@pytest.mark.slow
 def test_cells_after_a_runs_end_are_empty():
     stopped = compare("exercise_large", "forward_euler,rk4", dt=0.05, duration=4.0)
     end = len(stopped.runs["forward_euler"].time)

@@ -31,6 +31,7 @@ def apart(angle: Any, other: Any) -> Any:
     return np.abs(np.remainder(np.asarray(angle) - other + math.pi, 2.0 * math.pi) - math.pi)
 
 
+@pytest.mark.slow
 def test_the_section_of_a_linear_oscillator_is_its_steady_state() -> None:
     """q = A cos(Omega t - delta), A = f/|w0² - Omega² + i gamma Omega| (Landau & Lifshitz, Mechanics, section 26)."""
     scene = Scene("linear", effects=(SmallAngleGravity(), LinearDrag(gamma=1.5), PeriodicTorque(

@@ -38,6 +38,7 @@ def test_simplify_removes_what_is_negligible_and_says_what_that_does(duration, w
     assert ("Such changes add up" in report.text) is not within
 
 
+@pytest.mark.slow
 def test_effects_that_matter_only_together_are_named():
     """Three losses change the amplitude by 0.7 times the tolerance each, together by 2.1 times the tolerance."""
     tolerance, amplitude = 1e-3, 0.2

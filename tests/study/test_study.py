@@ -290,6 +290,7 @@ def command(monkeypatch, tmp_path, capsys):
     return run
 
 
+@pytest.mark.slow
 def test_its_command_has_an_option_for_each_setting(command, tmp_path: Path) -> None:
     code, printed, _ = command("--number", "3", "--most", "90", "--both", "--svg")
     assert code == 0

@@ -80,6 +80,7 @@ def half_swings(velocity: np.ndarray) -> np.ndarray:
     return np.concatenate(([0, 0], np.cumsum(velocity[1:-1] * velocity[2:] < 0.0)))
 
 
+@pytest.mark.slow
 def test_quadratic_drag_keeps_its_energy_integral_in_every_half_swing():
     c, w2 = 0.4, 9.81
     found = reference(of(Gravity(), QuadraticDrag(c=c)), 2.5, 0.0, TIMES)

@@ -688,6 +688,7 @@ def test_the_widget_and_python_share_a_link(tmp_path: Path) -> None:
     assert 100 < shown <= 3000
 
 
+@pytest.mark.slow
 def test_a_widget_says_what_belongs_where_no_notebook_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("anywidget")
     display = pytest.importorskip("IPython.display")
