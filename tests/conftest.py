@@ -56,7 +56,7 @@ def all_interpreted() -> Iterator[None]:
 
 @pytest.fixture
 def no_remedies(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Fits look for no fault of their recording: that takes most of their time, and changes nothing if there is none."""
+    """Fits look for no fault of their recording: most of their time, which changes nothing if there is none."""
     monkeypatch.setattr("pendulum_env.lab.fitting.fit.remedies_of", lambda *_: ())
 
 
