@@ -14,9 +14,8 @@ import pytest
 EXAMPLES = sorted((Path(__file__).parents[2] / "examples").glob("[0-9][0-9]_*.py"))
 FOREIGN = ("11_train_swing_up", "17_fit_by_gradient", "18_swing_up_by_gradient", "19_swing_up_with_least_work")
 """Run by test_foreign.py and tests/jax, in environments that have what they need."""
-MANY = ("09_fit_a_recording", "10_thousands_at_once", "12_does_the_policy_exploit_the_integrator", "13_driven_bench",
-        "14_posterior", "15_own_task", "16_sim_to_real", "21_film_to_fit", "22_bench_circle")
-"""Too many steps to be interpreted, pixels to be drawn, or in real time."""
+INTERPRETED = ("01_", "03_", "07_", "08_", "20_")
+"""Beginnings of examples of few steps, which quick tests run; the others have many, or a film, or take real time."""
 ALONE = [path for path in EXAMPLES if path.stem not in FOREIGN]
 
 
@@ -25,13 +24,8 @@ def test_examples_are_short_and_check_themselves() -> None:
     assert [name for name, source in sources.items() if "assert " not in source or source.count("\n") >= 65] == []
 
 
-LONGER = ("02_", "04_", "05_", "06_")
-"""Examples of a second: the exercise, a film, what accuracy costs, which effects matter."""
-
-
-@pytest.mark.parametrize("path", [
-    pytest.param(path, marks=pytest.mark.slow if path.stem.startswith(LONGER) else ()) for path in ALONE
-    if path.stem not in MANY], ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", [path for path in ALONE if path.stem.startswith(INTERPRETED)],
+                         ids=lambda path: path.stem)
 @pytest.mark.usefixtures("interpreted")
 def test_example_interpreted(
     path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
