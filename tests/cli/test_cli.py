@@ -40,6 +40,7 @@ def run(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
 
 
 
+@pytest.mark.slow
 def test_compare_does_the_exercise(tmp_path: Path, run_here: Here) -> None:
     code, printed, said = run_here(
         "compare", "--scene", "exercise", "--damping", "none", "--integrators", "forward_euler,symplectic_euler",
@@ -401,6 +402,7 @@ def test_the_version_has_a_digest_of_the_sources(monkeypatch: pytest.MonkeyPatch
     assert digest() != first
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="shells differ")
 @pytest.mark.parametrize(("typed", "shown"), [
     ("lab-pendulum cost -i rk4,dop8", "rk4,dop853"), *(pytest.param(*more, marks=pytest.mark.slow) for more in (

@@ -67,6 +67,7 @@ def copy(tmp_path: Path) -> Path:
     return place
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("foreign", "sentence"), [
     (None, "is missing, as after another 'integrators' was uninstalled; reinstall ours: pip install"),
     ("x = 1\n", "belongs to another distribution named 'integrators'; uninstall that one, then reinstall ours")])

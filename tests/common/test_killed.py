@@ -29,6 +29,7 @@ KILLS = {**QUICK, "records": 13, "scene": 4, "film": 4, "choice": 5, "journal": 
 COMMAND = "from pendulum_env.cli import main; main()"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("job", [job if job in QUICK else pytest.param(job, marks=pytest.mark.slow) for job in KILLS])
 def test_killed_before_each_operation_on_a_file(job: str, tmp_path: Path) -> None:
     program = Path(__file__).parents[1] / "support" / "killing.py"

@@ -147,6 +147,7 @@ except OutputError as error:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("limit", [3000, *(pytest.param(limit, marks=pytest.mark.slow) for limit in (10, 9000))])
 def test_records_on_a_disk_that_fills_up(limit: int, tmp_path: Path) -> None:
     """Check that the error names the file, and that the records written so far can be read."""

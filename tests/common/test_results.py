@@ -163,6 +163,7 @@ def test_xarray_has_the_grids_quantities_as_dimensions() -> None:
     assert dict(some().to_xarray("other").sizes) == {"row": 2}
 
 
+@pytest.mark.quick("CostStudy")
 @pytest.mark.parametrize("name", ["Growth", "CostStudy"])
 def test_xarray_of_a_study_has_its_values(name: str) -> None:
     result = small(name)

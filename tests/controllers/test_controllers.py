@@ -313,6 +313,7 @@ def test_the_cost_is_what_is_paid() -> None:
     assert paid == pytest.approx(start @ controller.regulators[0].cost @ start, rel=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "lag"), [
     ("lab", 0.0), *(pytest.param(*more, marks=pytest.mark.slow) for more in (("moon", 0.0), ("lab", 0.1)))])
 def test_within_its_level_each_regulator_comes_nearer_in_every_step(name: str, lag: float) -> None:

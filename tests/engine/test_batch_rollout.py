@@ -111,6 +111,7 @@ def test_a_bar_if_asked(monkeypatch: pytest.MonkeyPatch) -> None:
     assert shown[-1] == ("6 runs", 1.0)
 
 
+@pytest.mark.slow
 def test_a_broken_off_file_is_valid(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("pendulum_env.engine.runs.CHUNK", 2000)
 

@@ -108,6 +108,7 @@ def test_the_motion_sticks_and_slides_many_times() -> None:
     assert len(events) == 13
 
 
+@pytest.mark.quick("velocity_verlet")
 @pytest.mark.parametrize("method", ["dop853", "gauss4", "rk4", "velocity_verlet"])
 def test_sticking_and_sliding_by_turns_is_the_exact_motion(method: str) -> None:
     events, angle, velocity = by_turns()

@@ -89,6 +89,7 @@ def test_blocks_have_the_bits_of_single_runs(scene: str, method: str, steps: int
         assert 0 < sum(map(bool, many.stop_reason)) < len(angle)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", LONG)
 def test_interpreted_blocks_have_the_same_bits(method: str) -> None:
     found = [rollout("vacuum", integrator=method, angle=[0.3, 1.0, 2.5], velocity=[0.0, 9.0, 0.0], dt=0.05,

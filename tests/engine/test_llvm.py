@@ -141,6 +141,7 @@ CARRIED = {
 BLOCK_GO = "\n@entry\ndef go(s, o, n):\n    if n < 0:\n        return 1\n    f(s, o, n)\n    return 0\n"
 
 
+@pytest.mark.quick("in place", "truth values", "a place that is given")
 @pytest.mark.parametrize("name", BLOCKS)
 def test_loops_over_blocks_have_the_bits_that_python_computes(name: str) -> None:
     text, kind = BLOCKS[name]

@@ -271,6 +271,7 @@ def storm() -> tuple[float, ...]:
         return tuple(map(float, mp.odefun(rates, 0, [*map(mp.mpf, START), *[mp.mpf(0)] * 4])(mp.mpf(DURATION))))
 
 
+@pytest.mark.slow
 @pytest.mark.quick("rk4", "velocity_verlet", "gauss4")
 @pytest.mark.parametrize("method", fitting(STORM))
 def test_methods_keep_their_order_in_moving_air(method: str) -> None:

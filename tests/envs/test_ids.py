@@ -284,6 +284,7 @@ def test_json_keeps_the_length_of_a_duration() -> None:
 # --- frames in lists --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.quick("NextStep")
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep", "Disabled"])
 def test_lists_of_frames_are_those_of_sync_vectors(mode: str) -> None:
     options = {"num_envs": 3, "render_mode": "rgb_array_list", "render_size": 50, "max_episode_steps": 5, **QUICK}

@@ -83,6 +83,7 @@ def test_a_spinning_pool_has_the_bits_of_one_thread(options: dict[str, Any]) -> 
     assert bits(env) == wanted
 
 
+@pytest.mark.slow
 def test_threads_that_sleep_are_woken() -> None:
     wanted = bits(vector(1))
     assert bits(stepped(vector(2)), pause=5 * spinning.LIMIT) == wanted

@@ -114,6 +114,7 @@ def test_bessels_formula_has_its_own_words(tmp_path: Path) -> None:
     assert "A weight is moved" not in filled
 
 
+@pytest.mark.quick("readings", "kater")
 @pytest.mark.parametrize("draw", [envelope, readings, *BY_HAND])
 def test_figures_have_their_legend_and_no_title(worked: Worked, draw: Any) -> None:
     figure = draw(worked, LABELS)

@@ -53,6 +53,7 @@ def test_a_value_has_the_decimals_of_its_error(worked: Worked) -> None:
     assert all(len(value.split(".")[1]) == len(error.split(".")[1]) for value, error in found)
 
 
+@pytest.mark.quick("envelope")
 @pytest.mark.parametrize("name", ["periods", "envelope"])
 def test_legends_are_in_their_figure(worked: Worked, name: str) -> None:
     """Also with labels of twice the length, as another language may have; the slow test looks at all figures."""

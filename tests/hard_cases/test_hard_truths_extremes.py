@@ -86,6 +86,7 @@ def test_a_tilt_that_grows_obeys_the_equation_with_its_drag(name: str) -> None:
         assert abs(rate[-1] * extreme.GAP * omega / v - 1) < 1e-11
 
 
+@pytest.mark.quick("both drags-1e-15")
 @pytest.mark.parametrize("push", extreme.PUSHES)
 @pytest.mark.parametrize("name", extreme.DAMPINGS)
 def test_the_stored_tilts_are_those_of_the_equation(name: str, push: float) -> None:

@@ -55,6 +55,7 @@ def test_the_wind_reverses() -> None:
     assert wind.max() > 5.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drag", [0.0, switching.DRAG])
 def test_motion_under_a_random_torque_agrees_with_an_implicit_method(drag: float) -> None:
     """Radau's method of order 5 at 1e-11 over the first 20 steps."""

@@ -198,6 +198,7 @@ def test_a_loose_tolerance_needs_a_reason() -> None:
     assert len(unexplained(run.entry(made("silent", Finding(ACCURATE, 0.1, 0.2)), METHODS["rk4"]))) == 1
 
 
+@pytest.mark.slow
 @pytest.mark.quick("half a swing more")
 @pytest.mark.parametrize("short", [-1, 1], ids=["half a swing less", "half a swing more"])
 def test_heat_of_another_way_is_refused(short: int, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -130,6 +130,7 @@ def test_zeros_at_ends_of_steps_are_found_once(step: float) -> None:
     assert found.t_events[3] == pytest.approx(step * np.arange(1, round(4.0 / step)), abs=1e-12)
 
 
+@pytest.mark.slow
 def test_no_two_changes_further_apart_than_a_part_of_a_step_are_missed() -> None:
     """Of closer ones both or none are found, and nearly always both."""
     draws, near = np.random.default_rng(4), []

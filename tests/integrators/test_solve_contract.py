@@ -242,8 +242,8 @@ def is_simple(family: tuple[Any, ...]) -> bool:
 
 
 @pytest.mark.parametrize(("family", "kind"), [
-    pytest.param(family, kind, id="-".join(map(str, (*family, kind))), marks=() if kind in ("float", "complex") or (
-        is_simple(family) and kind in ("reused", "mpmath")) else pytest.mark.slow)
+    pytest.param(family, kind, id="-".join(map(str, (*family, kind))), marks=() if kind == "float" or (
+        is_simple(family) and kind in ("complex", "mpmath")) else pytest.mark.slow)
     for family in FAMILIES for kind in KINDS if kind != "array"])
 def test_one_method_of_every_family(family: tuple[Any, ...], kind: str) -> None:
     assert faults(FAMILIES[family], kind) == []

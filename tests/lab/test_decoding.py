@@ -36,6 +36,7 @@ def read(path: Path, data: bytes) -> str:
     return text_of(str(path))[0]
 
 
+@pytest.mark.quick("xlsx", "ods")
 @pytest.mark.parametrize("kind", WHOLE)
 def test_a_damaged_file_has_one_error(kind: str, tmp_path: Path) -> None:
     """Whatever decoder fails: a text, or RecordingError with the file's name, and never anything else."""

@@ -122,6 +122,7 @@ def test_eliminated_starts_are_fitted_too() -> None:
     assert float(solution.residual @ solution.residual) < 2.0 * full.cost * (1.0 + 1e-6)
 
 
+@pytest.mark.slow
 def test_a_fit_of_logs_is_a_result() -> None:
     """Its tables are those of its files: one row for each parameter, and one for each reading of the windows."""
     found = small()
@@ -266,6 +267,7 @@ def test_intervals_hold_in_a_part_of_the_coverage_study(kind: str) -> None:
 # --- reading --------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.quick("t, action, angle-torque", "bench-action")
 @pytest.mark.parametrize("kind", ["action", "torque"])
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_layouts_are_read(layout: str, kind: str, tmp_path: Path) -> None:

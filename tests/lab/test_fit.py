@@ -157,6 +157,7 @@ def test_a_model_that_cannot_follow_is_said_to() -> None:
     assert FitComparison.of([found]).text == found.grade.text
 
 
+@pytest.mark.quick("-0.1")
 @pytest.mark.parametrize("gamma", [-0.01, -0.1])
 def test_swings_that_grow_are_said_to(gamma: float) -> None:
     """No damping is what the comparison would find, as none of them drives."""
@@ -175,6 +176,7 @@ def test_a_steady_growth_of_a_per_cent_leaves_the_fit_usable() -> None:
     assert found.scene.body.length == pytest.approx(0.353, abs=3e-4)
 
 
+@pytest.mark.quick("10.0-0.1-0.0")
 @pytest.mark.parametrize(("degrees", "noise", "quantum"), [(94.0, 0.0, 0.0), (10.0, 0.1, 0.0), (3.0, 0.0, 0.25)])
 def test_swings_that_keep_their_size_do_not_grow(degrees: float, noise: float, quantum: float) -> None:
     time = even(20.0, 50.0)

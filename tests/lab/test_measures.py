@@ -323,6 +323,7 @@ def test_a_log_of_changes_has_no_gaps(amplitude: float) -> None:
     assert period(log).value == pytest.approx(PERIOD, rel=1e-3)
 
 
+@pytest.mark.quick("30-0.0146")
 @pytest.mark.parametrize(("degrees", "more"), [(10, 0.0016), (30, 0.0146), (60, 0.0630), (90, 0.1636)])
 def test_linear_drag_takes_more_of_large_swings(degrees: float, more: float) -> None:
     """Compare with the energy loss in an undamped half swing, from complete elliptic integrals; decay_rate's docstring

@@ -120,6 +120,7 @@ def test_a_drift_of_the_period_is_named(stretch: float) -> None:
     check(fitted(TIME, motion(TIME, 37.0, stretch=stretch)), "period", 200.0 * (last - 1.0) / (last + 1.0), 4.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("size", "options"), [(2.0, {}), pytest.param(-25.0, {}, marks=pytest.mark.slow)])
 def test_an_outlier_is_named(size: float, options: dict[str, Any]) -> None:
     seen = SWING.copy()

@@ -119,6 +119,7 @@ def test_motion_work_and_heat_are_those_of_the_circuit(law: str, share: float, m
     assert abs(run.energy_residual).max() < 5.0 * energy * smooth
 
 
+@pytest.mark.quick("supplied")
 @pytest.mark.parametrize("law", LAWS)
 def test_the_supply_pays_for_the_work_and_the_heat_of_the_winding(law: str) -> None:
     """Check that the ledger's work is the energy from the supply less the heat of the winding, which is not in it."""

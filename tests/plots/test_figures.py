@@ -261,6 +261,7 @@ def test_it_draws_into_what_it_is_given_and_returns_it_and_changes_no_setting(na
     assert matplotlib.rcParams.copy() == before
 
 
+@pytest.mark.quick("plots.motion.phase")
 @pytest.mark.parametrize("name", names())
 def test_its_axes_say_what_they_show_and_in_which_unit(name: str) -> None:
     made = figure_of(drawn(name))

@@ -154,6 +154,7 @@ def test_two_runs_of_one_method_share_its_colour_and_differ_in_dashes():
     assert first.mark != second.mark
 
 
+@pytest.mark.quick("angle-9")
 @pytest.mark.quick("energy-9")
 @pytest.mark.parametrize("count", [9, *(pytest.param(count, marks=pytest.mark.slow) for count in (1, 2))])
 @pytest.mark.parametrize("draw", DRAWN)
@@ -207,6 +208,7 @@ def test_a_runaway_curve_does_not_flatten_the_others():
     assert plots.phase(wild).get_xlim()[1] < 0.2 * reach
 
 
+@pytest.mark.quick("1-True")
 @pytest.mark.parametrize("given", [True, False])
 @pytest.mark.parametrize("dead", [1, 2])
 def test_the_motion_is_not_cut_off_where_most_methods_have_died(given, dead):

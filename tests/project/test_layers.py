@@ -146,6 +146,7 @@ def test_no_circle_of_modules() -> None:
     assert set(circles()) == FAMILIES.keys()
 
 
+@pytest.mark.slow
 def test_arrows_go_one_way() -> None:
     rooms = {module: room_of(module) for module in modules()}
     assert [module for module, room in rooms.items() if not room and module not in OPENED_BY_NAME] == []

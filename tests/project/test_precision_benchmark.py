@@ -172,6 +172,7 @@ def test_the_truth_against_20_digits(parts: Any, gamma: float) -> None:
         assert abs(angle - mp.mpf(float(found[0, 1]))) < 2e-16 * max(1.0, abs(angle))
 
 
+@pytest.mark.slow
 def test_the_truth_is_kept_with_its_doubt(parts: Any, tmp_path: Path) -> None:
     for scene in parts.problem.GAMMA:
         problem = parts.problem.Problem(scene, 1.0, 3)

@@ -404,6 +404,7 @@ def test_texts_neither_overlap_nor_leave_the_frame(monkeypatch, size):
         assert shared_x <= 0 or shared_y <= 0.3 * min(one[3] - one[1], two[3] - two[1]), (a, b)
 
 
+@pytest.mark.quick("300", "500")
 @pytest.mark.parametrize("size", [300, 500, 1000, 2000])
 def test_the_scale_is_labelled_with_zero_at_the_bottom(monkeypatch, size):
     boxes = {box[0]: box for box in lettered(monkeypatch, lambda: frame(ROD, View(0.0, 0.0), size))}

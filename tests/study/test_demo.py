@@ -58,6 +58,7 @@ def short(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return told
 
 
+@pytest.mark.slow
 def test_euler_methods_are_told_by_the_closed_form(tmp_path: Path) -> None:
     chapter = tour.exercise(tmp_path, silent, "python")
     omega0 = SCENES["exercise"].omega0

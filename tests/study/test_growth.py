@@ -363,6 +363,7 @@ def test_the_table_and_the_files(few, tmp_path):
     assert found == few.lines[FAST.index("rk4")].angle_error.tolist()
 
 
+@pytest.mark.slow
 def test_the_figure_has_every_method_and_a_colour_for_each_law(few):
     assert set(LAW_COLOURS) == set(KINDS)
     left, right, beside = draw_growth(few).axes

@@ -14,6 +14,7 @@ from pendulum_env.study.sweep.journal import Journal
 from pendulum_env.truth.reference import StudyError
 
 
+@pytest.mark.slow
 def test_a_file_that_another_process_writes_is_refused(tmp_path):
     pytest.importorskip("fcntl")
     path = tmp_path / "sweep.jsonl"

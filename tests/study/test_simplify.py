@@ -114,6 +114,7 @@ def test_files(bearing, tmp_path):
         assert "sticky_bearing" in image.info["Scene"]
 
 
+@pytest.mark.slow
 def test_the_chart_has_the_bars_the_formulas_and_the_tolerance(bearing):
     made = draw(bearing)
     (axes,) = made.axes

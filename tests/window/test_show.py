@@ -132,6 +132,7 @@ def test_methods_side_by_side_start_together_and_follow_their_own_method(
         np.testing.assert_array_equal([info["time"] for info in own], wanted.time[1:])
 
 
+@pytest.mark.slow
 def test_the_methods_of_the_keys_are_ready_before_the_window_opens(
     clock: Clock, run_here: Here, monkeypatch: pytest.MonkeyPatch, steps: Steps
 ) -> None:
