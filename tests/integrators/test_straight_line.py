@@ -26,7 +26,6 @@ def written(choices: list[tuple[int, int, int]], *leaves: Any) -> Any:
     return values[-1], values[-2]
 
 
-@pytest.mark.slow
 @given(st.lists(st.tuples(st.integers(0, 99), st.integers(0, 99), st.integers(0, 99)), min_size=2, max_size=12),
        NUMBERS, NUMBERS)
 def test_the_source_computes_what_was_recorded(choices: list[tuple[int, int, int]], q: float, v: float) -> None:

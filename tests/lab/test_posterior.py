@@ -59,8 +59,8 @@ def harmonic(rate: bool = False) -> Fit:
 
 
 @cache
-def linear_posterior() -> Posterior:
-    return harmonic().posterior(steps=700, seed=1)
+def linear_posterior(steps: int = 400) -> Posterior:
+    return harmonic().posterior(steps=steps, seed=1)
 
 
 def exact(rate: bool = False) -> tuple[Any, Any, float]:
@@ -143,7 +143,7 @@ def test_priors_are_what_they_say(entry: Any, log: Callable[[Any], Any]) -> None
 @pytest.mark.slow
 def test_the_sample_of_a_linear_model_has_the_quantiles_of_students_t() -> None:
     """Quantiles are compared by the exact probability below them; 5000 independent samples scatter by 0.007."""
-    found = linear_posterior()
+    found = linear_posterior(700)
     mean, scale, freedom = exact()
     errors = np.sqrt(np.diag(scale))
     assert found.independent > 2000
@@ -525,7 +525,7 @@ def test_text_and_table_say_what_there_is() -> None:
     assert [row[0] for row in found.table.rows] == ["angle", "velocity", "zero"]
     assert "Priors: angle flat; velocity flat; zero flat." in found.text
     assert "prior 1/sigma" in found.text
-    assert repr(found).startswith("<Posterior: harmonic, 32 walkers, 700 steps")
+    assert repr(found).startswith("<Posterior: harmonic, 32 walkers, 400 steps")
     assert emcee.__version__.split(".")[0] >= "3"
     assert Prior(0.0, math.inf).text == "flat above 0"
 
