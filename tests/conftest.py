@@ -92,8 +92,10 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[Any]) -> No
         mark = item.get_closest_marker("quick")
         if mark:
             named.setdefault((item.parent, item.originalname), set(mark.args)).discard(case.id)
-        others = mark and case.id not in mark.args and not any(name in case.id for name in NEW)
-        if others or not is_quick(item.path.stem, item.originalname, case.id, case.params):
+            takes = case.id in mark.args or any(name in case.id for name in NEW)
+        else:
+            takes = is_quick(item.path.stem, item.originalname, case.id, case.params)
+        if not takes:
             item.add_marker(pytest.mark.slow)
     missing = {f"{where.name}::{test}": sorted(rest) for (where, test), rest in named.items() if rest}
     if missing and not any("::" in word for word in config.args):  # where one case is asked for, others do not count

@@ -1,7 +1,7 @@
 """Which cases the quick tests take: methods are many, and slow tests take them all.
 
-Quick tests take the plain methods in every case; of each further family one in every other test or so, and of the
-others one in twenty-four, in tests that need no scene, so that each is in many. In tests that run methods in scenes
+Quick tests take three methods in every case; the other plain ones, and one of each further family, in every other case
+or so, and of the rest one in twenty-four, in tests that need no scene, so that each is in many. In tests that run methods in scenes
 only those of EVERYWHERE are quick, in some of the cases; in scenes that are not FAMILIAR only rk4. Choices follow from
 names, so that a new entry changes no other entry's. Where whole combinations are many, tests take enough of them to
 hold pairs of values, in which methods of one kind count as one; ``LAB_PENDULUM_GRID=full`` takes each method for a kind
@@ -31,6 +31,8 @@ FITS = {(name, method) for name, scene in SCENES.items() for method in fitting(s
 FULL = os.environ.get("LAB_PENDULUM_GRID") == "full"
 """Whether slow tests run each grid whole, rather than the pairs that it lists."""
 TURNS, FEWER, OTHER = 24, 9, 2
+ALWAYS = {"rk4", "symplectic_euler", "backward_euler"}
+"""Methods that every quick test takes: an explicit, a symplectic and an implicit one."""
 EVERYWHERE = (
     *sorted(PLAIN), "conformal_symplectic_euler", "dopri5", "gauss4",
     "discrete_gradient", "forest_ruth", "blanes_moan_srkn11b", "rkn43",
@@ -76,11 +78,11 @@ def is_quick(file: str, test: str, case: str, params: Mapping[str, Any]) -> bool
         return (params["scene"], params["method"]) in COMPILED
     if named and scenes and file in IN_SCENES:
         return named <= {"rk4"}
-    if not named or named <= set(PLAIN):
+    if not named or named <= ALWAYS:
         return True
     rest = "-".join(part for part in case.split("-") if part not in integrators.METHODS)
     if file not in IN_SCENES:
-        return all(name in PLAIN or turn_of(test + rest + name, OTHER) == 0 if name in EVERYWHERE else
+        return all(name in ALWAYS or turn_of(test + rest + name, OTHER) == 0 if name in EVERYWHERE else
                    turn_of(name, TURNS) == turn_of(test + rest, TURNS) for name in named)
     return named <= set(EVERYWHERE) and turn_of(test + rest, FEWER) == turn_of(str(sorted(named)), FEWER)
 

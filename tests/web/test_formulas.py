@@ -26,7 +26,7 @@ def names_of(scene: Scene) -> list[str]:
     return list(Machine(scene, next(iter(fitting(scene))), backend="python").numbers)
 
 
-@pytest.mark.quick("lab", "windy", "sticky_bearing", "torsion", "motor_bench")
+@pytest.mark.quick("water", "windy", "sticky_bearing", "torsion", "motor_bench")
 @pytest.mark.parametrize("name", SCENES)
 def test_formulas_give_the_bits_of_python_at_drawn_values(name: str) -> None:
     scene = explicit(SCENES[name])
