@@ -366,6 +366,7 @@ def test_costs_can_be_measured(monkeypatch):
     assert table["RungeKutta"][0] + 4.0 * table["RungeKutta"][1] == pytest.approx(1.0)
 
 
+@pytest.mark.slow
 def test_the_command_prints_the_choice_and_what_comes_next():
     result = CliRunner().invoke(cli.app, ["auto", "--scene", "textbook", "--accuracy", "1e-4", "--duration", "0.4"])
     assert result.exit_code == 0, result.output

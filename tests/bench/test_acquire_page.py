@@ -158,6 +158,7 @@ def test_text_from_outside_is_not_in_the_page(steady: Served) -> None:
     assert not re.search(r"\son\w+=|javascript:|style=\"|https?://", rest)
 
 
+@pytest.mark.slow
 def test_the_policy_lets_no_other_script_run(steady: Served) -> None:
     parts = urlsplit(steady.address)
     nonces = set()

@@ -58,6 +58,7 @@ def steps(env: Any, action: np.ndarray = FULL, most: int = 600) -> dict[str, Any
 # --- what it shares ---------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.quick("swing_up-encoder", "track-history")
 @pytest.mark.parametrize("kind", ["full", "angle", "encoder", "history"])
 @pytest.mark.parametrize("task", ["swing_up", "track"])
 def test_spaces_rewards_and_infos_are_those_of_the_simulation(bench: Any, kind: str, task: str) -> None:

@@ -128,6 +128,7 @@ def test_a_full_disk_leaves_whole_lines(size: int, tmp_path: Path) -> None:
     np.testing.assert_allclose(np.degrees(recording.angle), ANGLE[:len(recording.time)], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_run_on_a_full_disk_keeps_what_came_and_says_so(tmp_path: Path) -> None:
     path = tmp_path / "a.txt"
     acquire("virtual", 0.01, out=tmp_path / "first.txt", rate=2000.0)  # its program is cached while there is room

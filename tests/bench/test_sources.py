@@ -56,6 +56,7 @@ def test_the_virtual_pendulum_swings_as_jacobis_functions_say(bench_clock: Bench
     np.testing.assert_allclose(np.radians(angles[free]), true, atol=1e-7)  # rk4 in steps of at most 5 ms
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("scene", "integrator"), [
     ("driven", "adams_bashforth4"), *(pytest.param(*more, marks=pytest.mark.slow) for more in (
         ("driven", "forward_euler"), ("lab", "forward_euler"), ("lab", "adams_bashforth4")))])
@@ -92,6 +93,7 @@ def test_lift_and_let_go(bench_clock: BenchClock) -> None:
     assert np.radians(read(source, 7.1)[1])[-1] == pytest.approx(0.1)
 
 
+@pytest.mark.slow
 def test_the_virtual_sensor_rounds_and_scatters_as_it_says(bench_clock: BenchClock) -> None:
     source = Virtual(wait=None, angle=0.2, rate=1000.0, quantum=1e-3, noise=0.01)
     source.open()

@@ -186,6 +186,7 @@ def test_a_command_of_ones_own_that_fails_says_so_and_where_with_debug(
         assert "Traceback" not in run_here("--debug", "web", "--help")[2]
 
 
+@pytest.mark.slow
 def test_a_step_that_exits_is_refused_before_the_report(tmp_path: Path, run_here: Here) -> None:
     (tmp_path / "step.py").write_text("import sys\nsys.exit(0)\n")
     code, _, said = run_here("exercise", "--own-step", "step.py")

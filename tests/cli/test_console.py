@@ -108,6 +108,7 @@ def words_of(name: str) -> list[str]:
     return [name, *(word.replace("upright_for_a_moment", "upright for a moment") for word in SHORT[name].split())]
 
 
+@pytest.mark.quick("gbk")
 @pytest.mark.parametrize("encoding", [
     pytest.param(name, marks=() if name in ("gbk", "cp437") else pytest.mark.slow) for name in ENCODINGS])
 def test_output_has_the_terminals_encoding(

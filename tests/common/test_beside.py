@@ -84,6 +84,7 @@ def test_files_that_another_distribution_deleted_or_overwrote(
     assert sentence in text
 
 
+@pytest.mark.slow
 def test_a_distribution_in_another_folder_is_to_be_uninstalled(copy: Path, tmp_path: Path) -> None:
     other = tmp_path / "user" / "site-packages" / "integrators"
     other.mkdir(parents=True)

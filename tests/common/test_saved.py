@@ -689,6 +689,7 @@ def test_methods_and_effects_are_checked(files: Mapping[str, Path]) -> None:
 # --- how light it is --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_recording_is_loaded_without_compilers_and_figures(files: Mapping[str, Path]) -> None:
     code = ("import sys, pendulum_env\n"
             f"print(repr(pendulum_env.load({str(files['Recording'])!r})))\n"

@@ -348,6 +348,7 @@ def test_the_softest_regulator_reaches_nearly_as_far_as_the_torque(name: str) ->
 # --- as a callable --------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.quick("0.0")
 @pytest.mark.parametrize("lag", [0.0, 0.1])
 def test_many_observations_are_each_answered_as_alone(lag: float) -> None:
     random = np.random.default_rng(2)
@@ -431,6 +432,7 @@ def test_wrappers_that_rescale_are_refused(wrapped: Any, kind: str) -> None:
         swing_up(wrapped(gym.make("LabPendulum-v0", backend="python")))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bound", [20.0, pytest.param(np.inf, marks=pytest.mark.slow)])
 def test_a_bound_of_the_velocity_is_no_wrapper(bound: float) -> None:
     """Check that the controller takes environments with their own bound, and still refuses rescaled ones."""

@@ -234,6 +234,7 @@ def options_of(scene: str) -> dict[str, Any]:
             "diagnostics": ("energy", "heat_by_effect", *pull), "every": 2}
 
 
+@pytest.mark.quick("python-lab")
 @pytest.mark.parametrize("scene", familiar(SMOOTH))
 @pytest.mark.parametrize("backend", ["python", pytest.param("compiled", marks=pytest.mark.slow)])
 def test_batches_of_every_scene(scene: str, backend: str) -> None:
@@ -254,6 +255,7 @@ STOPS: dict[str, tuple[dict[str, Any], dict[str, Any], set[str]]] = {
 }
 
 
+@pytest.mark.quick("step too short-python", "slack-python", "speed limit-python")
 @pytest.mark.parametrize("backend", ["python", pytest.param("compiled", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("case", STOPS)
 @pytest.mark.filterwarnings("ignore:The wire of the scene")

@@ -148,6 +148,7 @@ OTHERS: dict[str, Callable[[pytest.MonkeyPatch], None]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:A program's arithmetic could not be written")  # that of whole numbers
 @pytest.mark.parametrize("other", ["package", *(
     pytest.param(other, marks=pytest.mark.slow) for other in (*OTHERS, "program", "signature") if other != "package")])

@@ -266,6 +266,7 @@ def slack_by_scipy(pull: Callable[..., float], slope: Callable[..., float], angl
     return float(found.t_events[0][0])
 
 
+@pytest.mark.quick("{'rtol': 1e-11}")
 @pytest.mark.parametrize("options", [{}, {"rtol": 1e-11}], ids=str)
 def test_other_radial_forces_slacken_a_wire_at_their_time(options: dict[str, Any]) -> None:
     """Check the time of slack under drag, and on a shaken pivot: T = m (L v² + (g - b W² cos(W t)) cos(theta))."""
@@ -346,6 +347,7 @@ def test_an_episode_ends_at_the_time_of_slack(size: int) -> None:
         env.unwrapped.set_state(env.unwrapped.get_state())  # type: ignore[attr-defined]
 
 
+@pytest.mark.slow
 def test_the_quick_look_at_a_step_overlooks_no_slack() -> None:
     """Check on random steps that ``taut`` is true only if the pull is above zero all along SciPy's cubic.
 

@@ -273,6 +273,7 @@ def test_asking_changes_neither_the_run_nor_its_program(scene: str) -> None:
 # --- where nothing is known -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_chaos_beyond_its_horizon_is_unknown_from_there_on() -> None:
     """Check that the estimate is inf once chaos has separated the two runs completely."""
     run = estimated("chaotic", "heun", 0.05, 120.0, every=20)

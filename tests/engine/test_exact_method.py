@@ -119,6 +119,7 @@ def regime(kind: str, draw: random.Random) -> tuple[float, ...]:
     return *start, h, gamma * gamma / 4 * 10 ** draw.uniform(*spread), 0.0 if kind == "undamped" else gamma
 
 
+@pytest.mark.quick("underdamped", "overdamped")
 @pytest.mark.parametrize("kind", ["underdamped", "near critical", "overdamped", "undamped"])
 def test_the_damped_spring_and_its_heat(kind: str) -> None:
     draw = random.Random(kind)

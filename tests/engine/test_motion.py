@@ -158,6 +158,7 @@ def test_a_run_that_ends_by_slack_has_its_motion_up_to_there() -> None:
     assert (over.stop_reason, over.stop_time, len(over.time)) == ("slack", 0.0, 1)
 
 
+@pytest.mark.slow
 def test_batches_have_the_events_of_their_single_runs() -> None:
     angles, lengths = np.array([[0.5, 1.0], [2.0, 3.0]]), np.array([[0.2, 0.3], [0.4, 0.5]])
     options: dict[str, Any] = {"velocity": 0.0, "dt": 0.01, "duration": 3.0, "every": 9,

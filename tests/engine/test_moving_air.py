@@ -172,6 +172,7 @@ def test_torque_and_power_are_those_of_the_vectors(drag: str, motion: str) -> No
             assert abs(functions["acceleration"](t, tilt, v, *values) - rates[0]) <= 1e-36 * abs(rates[0])
 
 
+@pytest.mark.quick("linear-all", "wire-all", "morrison-all")
 @pytest.mark.parametrize(("drag", "motion"), CASES)
 def test_the_jacobian_is_the_slope(drag: str, motion: str) -> None:
     _, functions, extra = moving(drag, motion)
@@ -419,6 +420,7 @@ def test_it_also_does_with_compensation_and_in_blocks(method: str, way: dict[str
             assert row == pytest.approx(POWER * r.time, rel=1e-12)
 
 
+@pytest.mark.quick("gauss4", "backward_euler")
 @pytest.mark.parametrize("method", HOLDING)
 def test_a_shaken_pivot_works_through_the_air_on_a_bob_that_friction_holds(method: str) -> None:
     """The air passes with -x'(t), x = c cos(r t + f): the work is gamma m c² r² times the integral of sin²(r t + f)."""
@@ -470,7 +472,7 @@ def stick_and_slip(motion: str, torque: float) -> tuple[float, ...]:
     return float(y[0]), float(y[2]), float(y[3]), rested
 
 
-@pytest.mark.quick("rk4-wind-0.008", "symplectic_euler-horizontal-0.008")
+@pytest.mark.quick("rk4-wind-0.008")
 @pytest.mark.parametrize(("motion", "torque"), [("wind", 0.008), ("horizontal", 0.008)])
 @pytest.mark.parametrize("method", HOLDING)
 def test_work_and_heat_of_stick_and_slip(method: str, motion: str, torque: float) -> None:

@@ -38,7 +38,7 @@ def test_the_preset_is_the_equation_of_the_book() -> None:
     assert scene.replace(drive_torque=1.07).coefficients["drive_strength"] == 1.07
 
 
-@pytest.mark.quick("1.07-2")
+@pytest.mark.slow
 @pytest.mark.parametrize(("strength", "period"), [(0.9, 1), (1.05, 1), (1.07, 2), (1.4, 1), (1.44, 2), (1.465, 4)])
 def test_the_period_doubles_where_it_was_published(strength: float, period: int) -> None:
     assert period_of(section(strength)) == period

@@ -85,6 +85,7 @@ def test_no_bit_depends_on_the_pieces(case: Mapping[str, Any], monkeypatch: pyte
         assert bits(rollout(**case)) == whole, units
 
 
+@pytest.mark.quick("keywords1", "keywords4")
 @pytest.mark.parametrize("keywords", [
     {"scene": "lab"}, {"scene": "windy"}, {"scene": "lab", "integrator": "ab4"}, {"speed_limit": 3.0},
     {"diagnostics": ("energy", "error")}, {"diagnostics": ()},

@@ -178,6 +178,7 @@ def scene_with(torque: Callable[..., float]) -> Scene:
     return SCENES["torsion"].with_effects((*SCENES["torsion"].effects, Mine()))
 
 
+@pytest.mark.quick("with_constants")
 @pytest.mark.parametrize("torque", [with_constants, with_the_angle, with_a_stage, with_a_builtin])
 def test_a_copied_function_has_its_constants_as_numbers(torque: Callable[..., float]) -> None:
     program = check(scene_with(torque), "rk4")

@@ -135,7 +135,7 @@ def test_steps_that_may_be_cut_or_repeated_are_taken_whole() -> None:
     assert "def stage_" not in program_of("rk4", "sticky_bearing")
 
 
-@pytest.mark.quick("kapitza-symplectic_euler")
+@pytest.mark.slow
 @pytest.mark.parametrize(("scene", "method"), [
     ("rod", "rk4"), ("kapitza", "symplectic_euler"),
     *(pytest.param(*more, marks=pytest.mark.slow) for more in (

@@ -147,6 +147,7 @@ def test_where_a_drive_may_make_it_faster_only_what_no_speed_helps_is_told() -> 
     assert texts(lambda: pendulum_env.LabPendulumEnv(idle, backend="python", task="free")) == []
 
 
+@pytest.mark.quick("lab", "windy", "driven", "kapitza", "torsion")
 @pytest.mark.parametrize("name", SCENES)
 def test_no_preset_warns_in_its_usual_run(name: str) -> None:
     with warnings.catch_warnings():

@@ -77,6 +77,7 @@ def test_cart_pole_passes_the_contract() -> None:
     assert ("NextStep", "restarts") in outcomes(report, "passed")
 
 
+@pytest.mark.slow
 @BEGUN
 def test_cart_pole_is_not_sync_vector_env() -> None:
     """Its environments share one random generator, so that only the spaces are those of SyncVectorEnv."""

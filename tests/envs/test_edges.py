@@ -249,6 +249,7 @@ def returned(env: Any, policy: Any) -> tuple[float, int]:
     return total, 500
 
 
+@pytest.mark.slow
 def test_a_penalty_makes_giving_up_worse_than_swinging_up() -> None:
     """Compare with the numbers in the docstring: -462 after 78 steps, -555 after 500."""
     push = np.sign

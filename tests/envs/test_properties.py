@@ -169,6 +169,7 @@ def fuzzed(count: int, size: int, steps: int, backend: Backend, begin: int = 0) 
     return total, episodes
 
 
+@pytest.mark.slow
 def test_configurations_at_random() -> None:
     fuzzed(FEW, 3, 8, "python")
 

@@ -123,6 +123,7 @@ def test_ranges_have_their_distributions() -> None:
     assert abs(np.corrcoef(drawn["length"], drawn["mass"])[0, 1]) < 0.05
 
 
+@pytest.mark.slow
 def test_a_fit_has_its_mean_and_covariance() -> None:
     """Check that the draws have the moments of the fit, and the normal distribution, if no bound is near."""
     found = scatter(least=(-np.inf,) * 3).scatter

@@ -160,6 +160,7 @@ def test_the_table_says_both_values_and_both_changes() -> None:
     assert row == ("gravity", "usual", "5", str(found.gap), str(found.gap))
 
 
+@pytest.mark.slow
 def test_usual_methods_and_steps_of_scenes_are_differences_too() -> None:
     """The scene gymnasium has its own method and step: both are named, and the step is refused without rates."""
     task = {"task": "swing_up"}

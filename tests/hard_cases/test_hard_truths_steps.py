@@ -146,6 +146,7 @@ def test_the_damped_oscillator(load: float) -> None:
             assert velocity[i] == pytest.approx(float(slow * parts[0] + fast * parts[1]), rel=1e-12)
 
 
+@pytest.mark.quick("1000.0")
 @pytest.mark.parametrize("load", stiff.LOADS)
 def test_quadratic_drag_alone(load: float) -> None:
     """c t = 1/v - 1/v0 is the integral of dv/v², and c times the distance that of dv/v, by mpmath's quadrature."""

@@ -167,6 +167,7 @@ def remedies(message: str) -> tuple[float, str]:
     return float(found[1]), found[2]
 
 
+@pytest.mark.quick("by_vector")
 @pytest.mark.parametrize("way", WAYS)
 def test_an_unsolved_equation_is_warned_of_and_its_remedies_help(way: Way) -> None:
     scene, start, h, most = UNSOLVED_RUN
@@ -180,6 +181,7 @@ def test_an_unsolved_equation_is_warned_of_and_its_remedies_help(way: Way) -> No
     assert by_rollout(scene, (found.angle, found.velocity), h, 1, integrator=other, backend="python").reason == ""
 
 
+@pytest.mark.slow
 def test_it_is_said_once_and_not_at_all_where_nobody_wants_to_hear_it() -> None:
     scene, start, h, most = UNSOLVED_RUN
     for shape in ((), (2,)):

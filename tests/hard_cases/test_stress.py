@@ -151,6 +151,7 @@ def failures(pairs: Any) -> str:
     return "\n".join([*lines, *(line for one in entries for line in unexplained(one))])
 
 
+@pytest.mark.slow
 def test_a_case_of_each_group() -> None:
     cases = [(case, METHODS[chosen((method.name for method in LIGHT), case.name)]) for case in FIRST]
     said = failures(cases)

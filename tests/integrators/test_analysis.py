@@ -53,6 +53,7 @@ ODEFUN = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damped", [
     pytest.param(one, marks=() if one == "quadratic" else pytest.mark.slow) for one in ODEFUN])
 def test_reference_agrees_with_odefun(damped):
@@ -297,6 +298,7 @@ def test_series_arithmetic():
         one / z
 
 
+@pytest.mark.slow
 def test_mpmath_is_asked_for_only_when_needed(monkeypatch):
     program = "import sys, integrators.analysis as a; a.leading_error('rk4'); print('mpmath' in sys.modules)"
     found = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

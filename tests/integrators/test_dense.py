@@ -315,6 +315,7 @@ def test_tolerances_take_the_same_steps(name):
     assert plain.rejected > 0
 
 
+@pytest.mark.quick("1")
 @pytest.mark.parametrize("parts", [1, 2, pytest.param(4, marks=pytest.mark.slow)])
 def test_curves_through_several_states_of_a_step(parts: int) -> None:
     """Exact for polynomials of degree 3n + 2; the next one shows how its second derivative at one place bounds it."""

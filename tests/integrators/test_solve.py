@@ -163,6 +163,7 @@ def test_implicit_stages_are_solved_with_all_couplings(name):
     assert found.v[-1] == pytest.approx(wanted, abs=1e-13)
 
 
+@pytest.mark.quick("float")
 @pytest.mark.parametrize("start", [(2.5, 0.0), (np.array([2.5, -1.0]), np.array([0.0, 3.0]))], ids=["float", "array"])
 def test_the_discrete_gradient_keeps_the_energy_of_a_bare_polynomial_force(start):
     """In steps of half a second, in which other methods fail; the mean force comes from a quadrature."""

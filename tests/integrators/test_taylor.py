@@ -118,6 +118,7 @@ def test_what_cannot_be_recorded_is_refused_by_name(kind: str, steps: Any) -> No
 # --- the methods -----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.quick("5")
 @pytest.mark.parametrize("order", [2, 5, *(pytest.param(order, marks=pytest.mark.slow) for order in (20, 30))])
 def test_orders(order: int) -> None:
     method = integrators.get(f"taylor{order}")
@@ -405,6 +406,7 @@ def test_dense_output_and_events_meet_the_tolerance(name: str, rtol: float) -> N
     assert solve(lambda t, q, v: -q, 1.0, 0.0, [0.0, 3.0], method=name, rtol=rtol).evaluations == found.evaluations
 
 
+@pytest.mark.quick("{'dt': 0.5, 'rtol': 1e-11}-taylor20")
 @pytest.mark.parametrize("name", ["taylor", "taylor20"])
 @pytest.mark.parametrize("options", [{"dt": 0.05}, {"dt": 0.5, "rtol": 1e-11}], ids=str)
 def test_rollouts_have_the_series_as_dense_output_too(name: str, options: dict[str, float]) -> None:
@@ -418,6 +420,7 @@ def test_rollouts_have_the_series_as_dense_output_too(name: str, options: dict[s
     assert run.t_events[0] == pytest.approx([half * k for k in range(1, len(run.t_events[0]) + 1)], abs=1e-10)
 
 
+@pytest.mark.quick("lab")
 @pytest.mark.parametrize("scene", ["lab", "chaotic", pytest.param("kapitza", marks=pytest.mark.slow)])
 def test_driven_and_damped_rollouts_too(scene: str) -> None:
     run = rollout(scene, integrator="taylor", duration=1.0, dense=True, rtol=1e-10, backend="python")

@@ -84,6 +84,7 @@ def test_a_photogate_gives_the_period_at_small_amplitude(name: str, seed: int, t
     assert [row[3] for row in sheet.table.rows] == ["s", "s", "m", "m/s^2"]
 
 
+@pytest.mark.quick("nameless axes")
 @pytest.mark.parametrize("name", REFUSED)
 def test_an_ambiguous_format_is_refused(name: str, tmp_path: Path) -> None:
     path, _ = written(name, tmp_path)

@@ -85,6 +85,7 @@ REMEDIES = {
 """Name of the fault, its size, and its sentence. The scale of the first file is 1.5015 by SciPy's fit, too, not 3."""
 
 
+@pytest.mark.slow
 @real
 @pytest.mark.filterwarnings("ignore:The ", "ignore:One reading")
 @pytest.mark.parametrize("name", [
@@ -205,6 +206,7 @@ def test_an_encoder_that_writes_changes_is_measured_for_every_quantum(
     assert sheet.cycles.left_out == 0
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:The fitted gamma holds")
 def test_an_encoder_that_writes_changes_is_fitted(tmp_path: Path) -> None:
     swing = let_go(0.44, 0.04, math.radians(26.3), 22.0)

@@ -59,6 +59,7 @@ def test_a_fit_ends_at_the_minimum() -> None:
     assert np.abs(step).max() < 3e-7
 
 
+@pytest.mark.slow
 def test_a_gap_does_no_harm() -> None:
     time = even(40.0, 50.0)
     time = time[((time < 6.0) | (time > 9.3)) & ((time < 20.0) | (time > 31.0))]
@@ -72,6 +73,7 @@ def test_a_gap_is_no_long_oscillation() -> None:
     assert Measured.of(plain(time)).period == pytest.approx(math.tau * math.sqrt(0.5 / 9.81), rel=2e-3)
 
 
+@pytest.mark.slow
 def test_a_model_does_no_worse_than_one_that_it_contains(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where its own fit ended in a wrong minimum, it is fitted anew from the simpler one's."""
     calls: list[tuple[str, ...]] = []
@@ -111,6 +113,7 @@ def test_gravity_instead_of_length() -> None:
     assert found.scene.body.length == 0.5
 
 
+@pytest.mark.slow
 def test_the_sensors_scale_is_told_by_the_period() -> None:
     """A scale 1 % too large: to 0.03 % from 60 degrees in 40 s."""
     time = even(40.0, 50.0)
@@ -187,6 +190,7 @@ def test_swings_that_keep_their_size_do_not_grow(degrees: float, noise: float, q
         fit(seen, "none", mass=MASS)
 
 
+@pytest.mark.slow
 def test_bad_readings_do_not_end_a_swing() -> None:
     """Three that are 20 degrees off, of 1000: they are in the scatter and the errors, and said."""
     time = even(20.0, 50.0)

@@ -333,6 +333,7 @@ def test_the_parameter_table_has_a_row_and_a_column_for_each(found: Fit) -> None
 # --- the figure ------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_figure_shows_each_part_in_degrees(found: Fit) -> None:
     drawn = figure.recorded(replace(found, comparison=FitComparison.of((found, shifted(found)))))
     whole, residual, first, last, envelope, phase = drawn.axes

@@ -220,6 +220,7 @@ def test_the_mean_of_correlated_readings_has_the_known_variance() -> None:
     assert f"they are {ratio:.2g} times those of independent readings" in found[0].how
 
 
+@pytest.mark.slow
 def test_a_misfit_that_oscillates_with_the_swing_counts_by_its_envelope() -> None:
     """Fit the amplitude a of ``a cos(w t)`` to readings ``cos(w t) m(t)``.
 

@@ -74,6 +74,7 @@ def written(path: Path, x: np.ndarray, head: str, times: float = 1.0) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_titles_say_units_and_numbers(tmp_path: Path, run_here: Here) -> None:
     first, second, centre = periods(X)
     true = measure_kater((X, first, second), EDGES)

@@ -47,6 +47,7 @@ def test_parts_are_left_out_by_time() -> None:
     assert recording.kept() is recording
 
 
+@pytest.mark.slow
 def test_swings_below_a_share_of_the_first_are_left_out() -> None:
     """The amplitude is 0.4 exp(-0.04 t): below 50 % of the first after 17.3 s, by the small-angle decay."""
     recording = Recording(*swing(), "swing")

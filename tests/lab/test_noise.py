@@ -59,6 +59,7 @@ def test_no_quantum_is_seen_where_there_is_none(case: str) -> None:
     assert quantum_level(SMOOTH[case]) == 0.0
 
 
+@pytest.mark.slow
 def test_no_quantum_is_seen_in_chance() -> None:
     """Check that 1000 sets of random readings, each value read twice, show no quantum."""
     for seed in range(1000):

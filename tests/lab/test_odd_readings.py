@@ -28,6 +28,7 @@ def test_runs_are_told_apart_by_titles_that_are_repeated(tmp_path: Path) -> None
         assert any(note.startswith(f"run: {run} of 1, 2") for note in found.notes)
 
 
+@pytest.mark.quick("ultrasonic distance")
 @pytest.mark.parametrize("name", ["sideways position", "ultrasonic distance"])
 def test_a_displacement_gives_the_angle_before_any_fit(name: str, tmp_path: Path) -> None:
     """A fit with scale and zero free would correct a wrong length."""

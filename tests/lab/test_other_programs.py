@@ -285,6 +285,7 @@ def test_a_log_of_a_micro_bit(tmp_path: Path) -> None:
         check(read(tmp_path, data, "MY_DATA.HTM"))
 
 
+@pytest.mark.slow
 def test_milli_g_of_a_micro_bit(tmp_path: Path) -> None:
     forces = (np.round(1000.0 * part / GRAVITY) for part in (ACROSS, ALONG, 0.01 * (np.arange(1500) % 2)))
     text = table("Time (seconds),acc_x,acc_y,acc_z", TIME, *forces)

@@ -59,6 +59,7 @@ def check(found: Fit, name: str, size: float, errors: float = 3.0) -> None:
 # --- each fault is named with its size -------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [1.06, *(pytest.param(scale, marks=pytest.mark.slow) for scale in (0.71, 2.6))])
 def test_a_wrong_scale_is_named(scale: float) -> None:
     found = fitted(TIME, scale * SWING)

@@ -110,6 +110,7 @@ def test_the_acceleration_is_lagranges(shaken: str, rod: tuple[Effect, ...]) -> 
             assert abs(total(scene, "torque", t, q, v) - wanted) < 1e-12 * (1 + abs(wanted))
 
 
+@pytest.mark.quick("both")
 @pytest.mark.parametrize("shaken", SHAKEN)
 def test_the_pull_on_the_rod_and_the_wind_are_newtons(shaken: str) -> None:
     """The rod's force is mass times acceleration minus the weight, along the rod; across the rod there is no force."""

@@ -356,6 +356,7 @@ def test_functions_use_only_what_is_copied_into_a_program(name: str) -> None:
 # --- smoothed dry friction -------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_smoothed_friction_is_that_of_coulomb_up_to_its_width() -> None:
     """From 1 rad with a friction ratio of 0.3: the next turning points differ by less as the width is smaller."""
     tau, scene = 0.05, SCENES["vacuum"]

@@ -261,6 +261,7 @@ def test_a_drive_of_the_velocity_without_a_flow_does_not_fit_splitting_methods()
         Machine(scene, "velocity_verlet")
 
 
+@pytest.mark.slow
 def test_a_motor_that_brakes_counts_as_damping() -> None:
     """A DC motor without control brakes as a bearing of M/w0: the same quality factor, step limits and swings.
 

@@ -301,6 +301,7 @@ def test_no_text_is_cut_off_or_lies_on_another(name: str) -> None:
     assert not overlapping(texts)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "columns"), [
     ("plots.motion.angle", 1), *(pytest.param(name, 2, marks=pytest.mark.slow) for name in (
         "plots.motion.angle", "plots.motion.phase", "plots.energy.energy_error"))])

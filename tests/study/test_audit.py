@@ -243,6 +243,7 @@ def test_what_is_too_stiff_is_not_judged():
     assert (row.verdict, row.note) == (NOT_JUDGED, note)
 
 
+@pytest.mark.slow
 def test_the_simulation_is_refined_to_the_tolerance():
     found = audit("vacuum", amplitude=1.0, tolerance=1e-9, effects=WEIGHTS, backend="python")
     assert found.integration_error <= 1e-10

@@ -143,6 +143,7 @@ def test_closed_forms_are_the_truth_where_there_are_any(exercise):
     assert exercise.truth.error < 1e-12
 
 
+@pytest.mark.slow
 def test_the_numerical_truth_agrees_with_an_integration_of_the_written_equation():
     from scipy.integrate import solve_ivp
 
@@ -189,6 +190,7 @@ def test_the_truth_ends_where_a_wire_goes_slack():
 # --- the table ------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_with_losses_the_energy_columns_are_the_ledgers_residual(exercise):
     assert exercise.energy_name == "relative energy error"
     damped = compare("exercise_large", "velocity_verlet,rk4", duration=3.0)
@@ -474,6 +476,7 @@ DISSIPATION = {
 }
 
 
+@pytest.mark.quick("linear", "overdamped")
 @pytest.mark.parametrize("case", DISSIPATION)
 def test_the_portrait_says_what_the_losses_do(case):
     """The oscillator theta'' + gamma theta' + omega0² theta = 0 swings for gamma < 2 omega0.

@@ -151,6 +151,7 @@ def test_a_further_digit_costs_ten_to_the_inverse_order(vacuum):
     assert said.index("velocity_verlet") < said.index("forward_euler")
 
 
+@pytest.mark.slow
 def test_energy_errors_of_the_euler_methods_are_those_of_the_formula():
     """Forward Euler multiplies the energy by 1 + omega0² h² in each step; backward Euler divides it by that."""
     found = cost("textbook", ["forward_euler", "backward_euler"], **QUICK)

@@ -229,6 +229,7 @@ def test_the_pair_is_the_closed_form_within_its_own_error():
     assert found.velocity == pytest.approx(true.velocity, abs=1e-12)
 
 
+@pytest.mark.quick("driven-3e-10")
 @pytest.mark.parametrize(("name", "most"), [("lab", 1e-13), ("driven", 3e-10)])
 def test_the_pair_is_the_reference_of_other_studies(name, most):
     """Check that the kink of quadratic drag costs no accuracy, since steps are cut at turning points."""

@@ -86,6 +86,7 @@ def test_film_of_a_comparison_shows_the_work_of_a_drive(monkeypatch: pytest.Monk
     assert shown[-1][0][1].work is None
 
 
+@pytest.mark.slow
 def test_figures_of_driven_scenes_promise_no_rest() -> None:
     said = {scene: " ".join(text.get_text() for text in compare(
         scene, "rk4", duration=0.1).plot("phase").axes[0].texts) for scene in ("driven", "windy")}

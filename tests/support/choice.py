@@ -1,11 +1,11 @@
 """Which cases the quick tests take: methods are many, and slow tests take them all.
 
 Quick tests take three methods in every case; the other plain ones, and one of each further family, in every other case
-or so, and of the rest one in twenty-four, in tests that need no scene, so that each is in many. In tests that run methods in scenes
-only those of EVERYWHERE are quick, in some of the cases; in scenes that are not FAMILIAR only rk4. Choices follow from
-names, so that a new entry changes no other entry's. Where whole combinations are many, tests take enough of them to
-hold pairs of values, in which methods of one kind count as one; ``LAB_PENDULUM_GRID=full`` takes each method for a kind
-of its own.
+or so, and of the rest one in twenty-four, in tests that need no scene, so that each is in many. In tests that run
+methods in scenes only those of EVERYWHERE are quick, in some of the cases; in scenes that are not FAMILIAR only rk4.
+Choices follow from names, so that a new entry changes no other entry's. Where whole combinations are many, tests take
+enough of them to hold pairs of values, in which methods of one kind count as one; ``LAB_PENDULUM_GRID=full`` takes each
+method for a kind of its own.
 """
 
 from __future__ import annotations

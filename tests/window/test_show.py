@@ -179,6 +179,7 @@ def test_a_key_never_waits_for_the_compiler(
     assert taken == [("rk4", True, True), ("velocity_verlet", True, False)]
 
 
+@pytest.mark.slow
 def test_digits_choose_the_method_under_the_mouse(clock: Clock, run_here: Here, steps: Steps) -> None:
     """Check three pendulums in a row: a digit changes that under the mouse, and without a mouse the first."""
     clock.plan = [nothing, key("2"), nothing, point(550, 100), key("1"), nothing, nothing, key("q")]
@@ -236,6 +237,7 @@ def test_a_picture_is_saved_in_the_folder_asked_for(
         assert found.text["dt"] == "0.02"
 
 
+@pytest.mark.slow
 def test_a_run_that_ends_begins_again_in_a_pause(clock: Clock, run_here: Here, steps: Steps) -> None:
     clock.plan = [nothing] * 60 + [key("q")]
     code, printed, wrong = run_here("show", "--scene", "vacuum", "--damping", "linear:gamma=100", "--integrators",
