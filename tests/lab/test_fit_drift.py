@@ -73,8 +73,7 @@ def test_the_lengths_of_both_halves_agree_within_three_errors_in_92_per_cent() -
     assert np.max(np.abs(pulls)) < 10.0
 
 
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:The fit is usable, except")
+@pytest.mark.usefixtures("no_remedies")
 def test_the_drift_of_the_period_is_found_and_widens_the_error_of_the_length() -> None:
     """A length that grows by 2 % has a period that grows by 1 %. Spread evenly, its error is 2 % / sqrt(12); it is
     taken for as large as that, and for no more than the whole growth."""
