@@ -194,6 +194,11 @@ def test_no_verdict_follows_a_fit_that_is_not_usable(
         assert words not in printed, words
 
 
+@pytest.mark.parametrize(("told", "said"), [(0.2, "given 0.2 m: 50.0% below;"), (0.08, "given 0.08 m: 25.0% above;")])
+def test_a_length_that_is_told_is_compared(found: Fit, told: float, said: str) -> None:
+    assert said in report.against_told(found, told)
+
+
 @pytest.mark.slow
 def test_what_was_told_is_set_against_the_fit_and_what_was_not_is_said(
     asked: list[dict[str, Any]], run_here: Here
