@@ -224,7 +224,7 @@ def test_a_horizon_is_said_or_the_share_of_sensitive_episodes_but_not_both(horiz
     assert len(sentences) == len(said)
 
 
-@pytest.mark.quick("sticky_bearing-dry friction")
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "said"), [("sticky_bearing", "dry friction"), ("windy", "in the same gusts")])
 def test_dry_friction_and_gusts_say_what_was_measured(name, said):
     with pytest.warns(UserWarning, match=said):

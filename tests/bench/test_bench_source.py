@@ -22,7 +22,7 @@ class RealBoard(SimulatedBoard):
     real = True
 
 
-@pytest.mark.quick("none-0.0")
+@pytest.mark.slow
 @pytest.mark.parametrize(("policy", "largest"), [("swing_up", math.pi), ("random", 0.02), ("none", 0.0)])
 def test_a_run_is_a_driven_log_with_its_twin(policy: str, largest: float, tmp_path: Path) -> None:
     out = tmp_path / "bench.csv"

@@ -72,6 +72,7 @@ def test_others_are_refused(page: ServedFilm) -> None:
     assert page.desk.found is None
 
 
+@pytest.mark.slow
 def test_a_frame_is_the_one_of_its_time(page: ServedFilm, two: tuple[Path, Truth]) -> None:
     """The bob of a frame, by the centroid of what is dark, is where it was drawn at that time; in any order."""
     import cv2

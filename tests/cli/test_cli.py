@@ -260,6 +260,7 @@ def test_interrupted_films_leave_the_old_one(tmp_path: Path) -> None:
     assert os.listdir(tmp_path) == ["film.mp4"]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="signals differ")
 def test_an_interrupt_within_exec_ends_with_the_exit_code(tmp_path: Path) -> None:
     """Python itself ends with a signal then, though the interrupt was handled: dataclasses and namedtuples use exec."""
@@ -352,6 +353,7 @@ def test_help_in_three_ways(run_here: Here) -> None:
     assert all(name in whole[1] for name in (*cli.COMMANDS, "--install-completion", "--debug"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("words", "own"), [
     ("list", 1), *(pytest.param(words, 0, marks=pytest.mark.slow) for words in ("--help", "--version"))])
 def test_a_short_answer_waits_for_no_import(words: str, own: int) -> None:

@@ -36,7 +36,7 @@ def said(words: list[str], folder: Path, *path: Path) -> tuple[int, str]:
     return done.returncode, done.stderr
 
 
-@pytest.mark.quick("integrators.py-import", "integrators.py-command")
+@pytest.mark.quick("integrators.py-import")
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("name", ["integrators.py", pytest.param("integrators/__init__.py", marks=pytest.mark.slow)])
 def test_a_file_that_hides_the_package_is_named(name: str, way: str, tmp_path: Path) -> None:

@@ -364,6 +364,7 @@ def test_many_observations_are_each_answered_as_alone(lag: float) -> None:
         assert np.array_equal([one(each) for one, each in zip(alone, row, strict=True)], actions)
 
 
+@pytest.mark.slow
 def test_a_lagging_motor_is_followed() -> None:
     scene = LAB.replace(lag=0.1)
     controller = made(scene)
@@ -488,6 +489,7 @@ def test_an_energy_shaping_controller_beats_chance_by_far() -> None:
         assert returns[1].max() < (most if task == "swing_up" else 150.0)
 
 
+@pytest.mark.slow
 def test_controllers_are_loaded_when_first_used() -> None:
     code = ("import sys, pendulum_env\n"
             "assert 'pendulum_env.controllers' not in sys.modules and 'controllers' in dir(pendulum_env)\n"

@@ -135,6 +135,7 @@ def test_chunks_do_not_touch_a_bit(method: str, monkeypatch: pytest.MonkeyPatch)
     assert np.array_equal(whole.angle, parts.angle)
 
 
+@pytest.mark.slow
 def test_memory_is_what_is_recorded() -> None:
     """Check that the memory of a batch does not grow with the number of steps between records."""
     import tracemalloc

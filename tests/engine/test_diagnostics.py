@@ -241,6 +241,7 @@ def test_an_episode_with_a_slack_wire_ends_at_once(size: int) -> None:
     assert np.all(np.asarray(info["velocity"]) == 0.5)
 
 
+@pytest.mark.quick("0.5")
 @pytest.mark.parametrize("h", [0.1, 0.5, 2.0])
 def test_long_steps_find_no_slack_where_there_is_none(h: float) -> None:
     """Check that exact steps far beyond the reach of a cubic do not slacken a wire that swings below the horizontal."""
@@ -374,6 +375,7 @@ def test_the_quick_look_at_a_step_overlooks_no_slack() -> None:
     assert not calls
 
 
+@pytest.mark.slow
 def test_the_quick_look_takes_the_cubics_state_in_the_middle_of_a_step() -> None:
     """Check ``taut`` in a scene with a shaken pivot on random steps: the pull at three places that SciPy's cubic gives.
 

@@ -94,7 +94,7 @@ def test_the_motion_between_steps_is_that_of_shorter_steps(scene: str, method: s
     assert abs(run.t_events[1] - truth.time[middle]).min() < 2.0 * allowed / abs(truth.velocity[middle])
 
 
-@pytest.mark.quick("velocity_verlet")
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["rk4", "velocity_verlet", "dop853"])
 def test_dry_friction_in_pieces_between_stops(method: str) -> None:
     """The stops of a plain bearing's swing, and the state between, against a reference in pieces."""

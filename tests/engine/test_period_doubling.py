@@ -44,6 +44,7 @@ def test_the_period_doubles_where_it_was_published(strength: float, period: int)
     assert period_of(section(strength)) == period
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strength", [1.15, 1.2, 1.5])
 def test_chaos_is_where_it_was_published(strength: float) -> None:
     """Check that the motion is chaotic where it is published: no repetition, and neighbouring starts diverge."""

@@ -73,7 +73,7 @@ def cases() -> list[Any]:
         for name, case in {**single, **batches}.items()]
 
 
-@pytest.mark.quick("errors, batch", "gusts, batch", "dry friction, batch", "speed limit, batch")
+@pytest.mark.quick("gusts, batch", "dry friction, batch", "speed limit, batch")
 @pytest.mark.parametrize("case", cases())
 @pytest.mark.filterwarnings("ignore")
 def test_no_bit_depends_on_the_pieces(case: Mapping[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,6 @@ import csv
 import math
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -53,15 +52,15 @@ def swing() -> Recording:
 
 
 class Done:
-    """A worked exercise, and the folder in which its programs ran: all of them, or some."""
+    """A worked exercise, and the folder in which its programs ran."""
 
-    def __init__(self, worked: Worked, folder: Path, *some: str) -> None:
+    def __init__(self, worked: Worked, folder: Path) -> None:
         self.worked, self.folder = worked, folder
         for name, text in programs(worked, LABELS, report.environment(language_of("en"))):
             (folder / name).write_text(text, encoding="utf-8")
         for _ in report.tables(worked, False, folder, {"Command": "none"}):
             pass
-        names = some or program_names(worked)
+        names = program_names(worked)
         done = subprocess.run([sys.executable, "-I", "-c", ALONE, *(str(folder / name) for name in names)], cwd=folder,
                               capture_output=True, text=True, env={"MPLBACKEND": "agg", "MPLCONFIGDIR": str(folder)})
         assert done.returncode == 0, done.stderr
@@ -83,12 +82,6 @@ class Done:
 @pytest.fixture(scope="module")
 def worked() -> Worked:
     return work_out(Given.of(recording=swing(), length=0.353), step=MINE)
-
-
-@pytest.fixture(scope="module")
-def small(worked: Worked, tmp_path_factory: pytest.TempPathFactory) -> Done:
-    """The program of Part 2.1 alone, for quick tests."""
-    return Done(worked, tmp_path_factory.mktemp("small"), "part_2_1.py")
 
 
 @pytest.fixture(scope="module")
@@ -148,12 +141,13 @@ def test_curves_are_those_of_the_report(done: Done) -> None:
     np.testing.assert_allclose(done.curves("2_6")["recorded_rad"], worked.recorded.compared.recorded, atol=1e-12)
 
 
-def test_the_euler_methods_are_their_closed_forms(small: Done) -> None:
+@pytest.mark.slow
+def test_the_euler_methods_are_their_closed_forms(done: Done) -> None:
     """Forward Euler multiplies energy by 1 + (Omega dt)**2 in a step, backward Euler divides it by that."""
-    factor = (1.0 + (small.worked.small.omega * 0.01) ** 2) ** 1000
-    assert small.numbers["energy at the end over its start, forward_euler"] == pytest.approx(factor, rel=1e-10)
-    assert small.numbers["energy at the end over its start, backward_euler"] == pytest.approx(1.0 / factor, rel=1e-10)
-    curves, z = small.curves("2_1"), small.worked.small.omega * 0.01
+    factor = (1.0 + (done.worked.small.omega * 0.01) ** 2) ** 1000
+    assert done.numbers["energy at the end over its start, forward_euler"] == pytest.approx(factor, rel=1e-10)
+    assert done.numbers["energy at the end over its start, backward_euler"] == pytest.approx(1.0 / factor, rel=1e-10)
+    curves, z = done.curves("2_1"), done.worked.small.omega * 0.01
     step = np.array([[1.0 - z * z, 0.01], [-z * z / 0.01, 1.0]])  # (theta, omega) of symplectic Euler, by hand
     state = np.array([math.radians(5.0), 0.0])
     for angle, velocity in zip(curves["symplectic_euler_angle_rad"], curves["symplectic_euler_velocity_rad_s"],
@@ -185,19 +179,15 @@ def test_every_figure_of_the_report_is_drawn_by_a_program(done: Done) -> None:
     assert min(path.stat().st_size for path in done.folder.glob("part_*.png")) > 5000
 
 
-def lines_of(folder: Path) -> Iterator[str]:
-    for path in folder.glob("part_*.py"):
-        yield from path.read_text(encoding="utf-8").split("\n")
-
-
-@pytest.mark.slow
-def test_programs_are_readable(done: Done) -> None:
+def test_programs_are_readable(worked: Worked) -> None:
     """No line is too long for a screen, and the loops are those that a student knows."""
-    assert max(map(len, lines_of(done.folder))) <= 120
-    text = (done.folder / "part_2_1.py").read_text(encoding="utf-8")
+    written = dict(programs(worked, LABELS, report.environment(language_of("en"))))
+    assert set(written) == set(program_names(worked))
+    assert max(len(line) for text in written.values() for line in text.split("\n")) <= 120
+    text = written["part_2_1.py"]
     assert "theta, omega = np.linalg.solve(system, (theta, omega))" in text
     assert "        omega = omega + dt*acceleration(theta)\n        theta = theta + dt*omega\n" in text
-    assert "pendulum_env" not in "".join(lines_of(done.folder))
+    assert "pendulum_env" not in "".join(written.values())
 
 
 def test_the_report_names_the_programs(worked: Worked) -> None:

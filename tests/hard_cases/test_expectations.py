@@ -32,7 +32,7 @@ def test_each_file_that_states_cases_has_a_digest() -> None:
     assert stating | {"case.py"} == set(FILES)
 
 
-@pytest.mark.quick("COARSE = 0.5-COARSE = 0.6-True", "\"\"\"Hard case-\"\"\"A hard case-False")
+@pytest.mark.quick("COARSE = 0.5-COARSE = 0.6-True")
 @pytest.mark.parametrize(("old", "new", "counts"), [
     ("always(ACCURATE)", "always(ACCURATE, STABLE)", True), ("else {ACCURATE}", "else {ACCURATE, WRONG}", True),
     ("COARSE = 0.5", "COARSE = 0.6", True),

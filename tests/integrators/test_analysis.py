@@ -82,6 +82,7 @@ def test_the_test_problems_parts_belong_together(damped):
         assert abs((a(t, q, v + d) - a(t, q, v - d)) / (2 * d) - by_v) < 1e-24
 
 
+@pytest.mark.slow
 def test_a_scheme_that_linear_problems_flatter_is_found_out():
     """The coefficients 1/4, 1/3, 1/2, 1 have order 4 on undriven linear problems, but order 2 on the pendulum."""
     low_storage = replace(

@@ -210,7 +210,7 @@ def test_an_explicit_method_of_ones_own_with_derivatives_is_for_one_freedom() ->
         solve(springs, Q, V, [0.0, 1.0], method=own, h=0.1)
 
 
-@pytest.mark.quick("gauss4")
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["radau5", "sdirk4", "gauss4", "backward_euler", "bdf2", "discrete_gradient"])
 def test_stiff_arrays_come_to_rest(method: str) -> None:
     """At rest the force is the rounding of its terms, and the equation of a stage has no solution but for that.

@@ -61,6 +61,7 @@ REFUSED = {
 }
 
 
+@pytest.mark.quick("x_y_and_derivatives", "encoder_counts_12_bit")
 @real
 @pytest.mark.parametrize("name", READ)
 def test_a_shared_file_gives_its_truth(name: str) -> None:

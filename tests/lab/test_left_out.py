@@ -140,6 +140,7 @@ def test_a_robust_fit_knows_the_sensors_steps() -> None:
     assert robust.quantum == plain.quantum == pytest.approx(sensor.quantum, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_robust_fit_of_good_readings_is_the_usual_one() -> None:
     recording = Recording(*swing(20.0), "swing")
     plain, robust = (fit(recording, "linear", mass=1.0, robust=robust) for robust in (False, True))

@@ -65,6 +65,7 @@ def test_settings_without_a_use_are_refused(
         Recording.read(path, **options)
 
 
+@pytest.mark.quick("3.0")
 @pytest.mark.parametrize("degrees", [3.0, 6.0, 9.5])
 def test_periods_that_show_no_amplitude_have_an_error_that_covers_it(degrees: float, tmp_path: Path) -> None:
     """Periods by the complete elliptic integral, timed to a millisecond: their mean is up to 8 errors off."""

@@ -273,6 +273,7 @@ def test_recordings_of_real_kinds_are_measured_right(tmp_path: Path, kind: tuple
     assert measured.error < (5e-4 if "rest" in name else 2e-4)
 
 
+@pytest.mark.slow
 def test_the_encoder_comes_to_rest_after_125_cycles() -> None:
     motion = coulomb(137.0)
     moving = motion.time[np.abs(motion.velocity) > 1e-9]

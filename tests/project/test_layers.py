@@ -160,6 +160,7 @@ def test_pictures_know_no_scene() -> None:
             if room_of(other) == "pendulum_env.engine"} == {"pendulum_env.engine.kernels"}
 
 
+@pytest.mark.slow
 def test_rooms_reach_no_package_that_they_do_without() -> None:
     """Through all that they import, too; that Python loads the package's own ``__init__`` first is not counted."""
     assert [f"{module} reaches {name} by {other}" for module in modules() if (room := room_of(module)) in REACH

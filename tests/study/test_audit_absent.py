@@ -146,6 +146,7 @@ def test_what_cannot_be_added_says_why():
     assert rows["rough_drag"].note == "needs a medium, and the scene is in vacuum"
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("_known")
 def test_an_absent_model_is_compared_in_place_of_the_one_that_is_there():
     """The amplitude falls as exp(-gamma t/2), and the rates gamma of the two laws differ by 0.02/s."""

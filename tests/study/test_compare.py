@@ -161,6 +161,7 @@ def test_the_numerical_truth_agrees_with_an_integration_of_the_written_equation(
     assert "confirmed" in found.how
 
 
+@pytest.mark.slow
 def test_two_solutions_that_disagree_are_no_truth(monkeypatch):
     honest = truths.reference
 

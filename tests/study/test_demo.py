@@ -91,6 +91,7 @@ def test_prices_are_the_cheapest_that_are_accurate_enough() -> None:
     assert said == ["900 ns", "2.6 µs", "26 µs", "-"]
 
 
+@pytest.mark.slow
 def test_the_swing_is_that_of_the_environment(run: Swung) -> None:
     env = gym.make("LabPendulum-v0", dt=DT, backend="python", max_episode_steps=10_000)
     observation, info = env.reset(seed=0, options={"angle": 0.0, "velocity": 0.0})

@@ -110,6 +110,9 @@ def test_every_family_has_an_oracle() -> None:
     assert {kind.__name__ for kind in FAMILIES} == ONE_STEP.keys() | MULTISTEP.keys() | {"Exact"}
 
 
+@pytest.mark.quick(
+    "RungeKutta-one of a kind", "DiscreteGradient-one of a kind", "Adams-one of a kind", "Splitting-one of a kind"
+)
 @SOME_AND_ALL
 @pytest.mark.parametrize("kind", FAMILIES, ids=lambda kind: kind.__name__)
 def test_the_package_takes_the_steps_of_its_tables(kind: type[Method], names: frozenset[str]) -> None:
@@ -200,6 +203,10 @@ def swapped(monkeypatch: pytest.MonkeyPatch, method: Method, mutant: Callable[[W
     return method if same else replace(method, name=f"{method.name}_{mutant.__name__}")
 
 
+@pytest.mark.quick(
+    "RungeKutta-rougher-one of a kind", "DiscreteGradient-rougher-one of a kind", "Adams-rougher-one of a kind",
+    "Splitting-rougher-one of a kind"
+)
 @pytest.mark.parametrize(("mutant", "names"), [
     pytest.param(rougher, ONE_OF_A_KIND, id="rougher-one of a kind"),
     *(pytest.param(mutant, frozenset(METHODS), id=f"{mutant.__name__}-all", marks=pytest.mark.slow)

@@ -211,6 +211,7 @@ def test_a_step_too_long_or_too_short_stays(clock: Clock, run_here: Here, window
     assert said == ["dt stays 5.01e-05 s: here it can be 5e-05 to 1 s.", "dt stays 0.9 s: here it can be 5e-05 to 1 s."]
 
 
+@pytest.mark.slow
 def test_the_stopwatch_counts_the_pendulum_s_time(clock: Clock, run_here: Here, windows: Windows) -> None:
     """Check a stop after 10 steps in slow motion: the reading is the time of the pendulum, and a restart clears it."""
     read: list[str] = []
