@@ -457,7 +457,10 @@ def defects() -> list[Any]:
             for broken, (which, _) in BROKEN.items()]
 
 
-@pytest.mark.quick("OneStepLate", "NoFinalMask", "MaskIgnored", "ReusedBuffer", "InfosOfOthers", "RewardsRounded")
+@pytest.mark.quick(
+    "OneStepLate", "NoFinalMask", "StepsForgottenInPickles", "MaskIgnored", "ReusedBuffer", "InfosOfOthers",
+    "RewardsRounded"
+)
 @pytest.mark.parametrize("broken", defects())
 def test_a_defect_is_caught_by_its_check(broken: Any) -> None:
     which, words = BROKEN[broken]
