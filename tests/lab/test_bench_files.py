@@ -110,7 +110,6 @@ def test_the_table_of_formats_is_made_from_the_declaration() -> None:
 # --- what a reader says, and what a person chooses -------------------------------------------------------------------
 
 
-@pytest.mark.slow
 def test_a_gyroscope_is_fitted_by_its_own_readings(tmp_path: Path) -> None:
     """The bias is a fitted number, and residuals are angular velocities."""
     path, truth = written("phyphox gyroscope csv", tmp_path)
