@@ -348,7 +348,6 @@ def test_an_episode_ends_at_the_time_of_slack(size: int) -> None:
         env.unwrapped.set_state(env.unwrapped.get_state())  # type: ignore[attr-defined]
 
 
-@pytest.mark.slow
 def test_the_quick_look_at_a_step_overlooks_no_slack() -> None:
     """Check on random steps that ``taut`` is true only if the pull is above zero all along SciPy's cubic.
 
@@ -375,7 +374,6 @@ def test_the_quick_look_at_a_step_overlooks_no_slack() -> None:
     assert not calls
 
 
-@pytest.mark.slow
 def test_the_quick_look_takes_the_cubics_state_in_the_middle_of_a_step() -> None:
     """Check ``taut`` in a scene with a shaken pivot on random steps: the pull at three places that SciPy's cubic gives.
 
