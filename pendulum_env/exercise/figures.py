@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
@@ -57,13 +55,6 @@ LOW, HIGH = 1e-3, 1e3
 """Ends of the logarithmic axis of energies over the initial energy."""
 
 
-@contextmanager
-def drawn() -> Iterator[None]:
-    """Apply the package's style within a ``with`` block, with plain tick labels, which take a third of the time."""
-    with styled(), rc_context({"axes.formatter.use_mathtext": False}):
-        yield
-
-
 def colour(name: str) -> str:
     """Return a method's colour; the student's own step has one that no Euler method has."""
     return OKABE_ITO["reddish_purple"] if name == OWN else looks_of({name: name})[name].colour
@@ -97,7 +88,7 @@ def spans(end: float, swing: float) -> list[Span]:
 def strips(parts: Sequence[Span], reach: float, below: str, labels: Labels) -> tuple[Figure, list[Axes]]:
     """Return a figure with one strip for each span of time; angles up to ``reach`` [degrees] fit into it."""
     drawing = blank((WIDTH, 0.5 + max(STRIP * len(parts), LOWEST)))
-    with drawn():
+    with styled():
         rows = list(drawing.subplots(len(parts), 1, squeeze=False)[:, 0])
         for at, span in zip(rows, parts, strict=True):
             at.set(xlim=span, ylim=(-1.08 * reach, 1.08 * reach))
@@ -107,8 +98,8 @@ def strips(parts: Sequence[Span], reach: float, below: str, labels: Labels) -> t
 
 
 def cuts(drawing: Figure) -> list[float]:
-    """Return where a figure may be cut between its rows, as shares of its height from the top; none if rows share an
-    axis of time, whose numbers are below the last."""
+    """Return where a figure that is laid out may be cut between its rows, as shares of its height from the top; none if
+    rows share an axis of time, whose numbers are below the last."""
     rows: dict[int, list[Axes]] = {}
     for at in drawing.axes:
         spec = at.get_subplotspec()
@@ -116,7 +107,6 @@ def cuts(drawing: Figure) -> list[float]:
     first, *others = (rows[k][0] for k in sorted(rows))
     if not others or first.get_shared_x_axes().joined(first, others[0]):
         return []
-    drawing.draw_without_rendering()
     boxes = [Bbox.union([box for at in rows[k] if (box := at.get_tightbbox())]) for k in sorted(rows)]
     return [1.0 - 0.5 * (upper.y0 + lower.y1) / drawing.bbox.height for upper, lower in pairwise(boxes)]
 
@@ -124,7 +114,7 @@ def cuts(drawing: Figure) -> list[float]:
 def signed(drawing: Figure, worked: Worked, labels: Labels) -> Figure:
     """Return the figure of a recording, with a note if the recording is simulated."""
     if worked.given.simulated:
-        with drawn():
+        with styled():
             drawing.suptitle(labels["simulated"], x=0.99, ha="right", fontsize=10, color=SIGN, weight="bold")
     return drawing
 
@@ -151,7 +141,7 @@ def frequency(worked: Worked, labels: Labels) -> Figure:
     part = within(swing.time, (0.0, float(ends[-1]) + 0.5 * sheet.period.value))
     part = few(swing.time, part, sheet.period.value)
     drawing = blank((WIDTH, 2.9))
-    with drawn():
+    with styled():
         at = drawing.subplots()
         at.plot(swing.time[part], np.degrees(swing.angle[part]), color=INK, marker=".", markersize=3.0, linewidth=0.7,
                 label=recording_label(worked, labels))
@@ -167,7 +157,7 @@ def forward(worked: Worked, labels: Labels) -> Figure:
     run = worked.small.forward
     angle, velocity = exact.linear(run.time, ANGLE, 0.0, worked.small.omega)
     drawing = blank((WIDTH, 5.4))
-    with drawn():
+    with styled():
         rows = drawing.subplots(3, 1)
         for at, true, own, label in ((rows[0], np.degrees(angle), np.degrees(run.angle), "angle"),
                                      (rows[1], velocity, run.velocity, "velocity"),
@@ -188,7 +178,7 @@ def forward(worked: Worked, labels: Labels) -> Figure:
 def forward_phase(worked: Worked, labels: Labels) -> Figure:
     """Draw the phase plot of forward Euler, with the exact orbit."""
     drawing = blank((0.6 * WIDTH, 0.5 * WIDTH))
-    with drawn():
+    with styled():
         at = drawing.subplots()
         orbit(at, worked.small.forward, true_ellipse(worked.small.omega, ANGLE), labels)
         reach_of([at], [worked.small.forward], worked.small.omega)
@@ -208,7 +198,7 @@ def orbit(at: Axes, run: ExerciseMotion, true: tuple[Array, Array], labels: Labe
 def halved(worked: Worked, labels: Labels) -> Figure:
     """Draw the energy of forward Euler with the step, half of it, and so on."""
     drawing = blank((WIDTH, 3.0))
-    with drawn():
+    with styled():
         at = drawing.subplots()
         for k, run in enumerate(worked.small.halves):
             at.plot(run.time, run.energy, color=colour(run.method), linestyle=LINES[k][0], linewidth=2.0 - 0.25 * k,
@@ -237,7 +227,7 @@ def eulers(worked: Worked, labels: Labels) -> Figure:
     """Draw energy and phase plot of the three Euler methods side by side, and of the student's own step beside them."""
     small = worked.small
     drawing = blank((WIDTH, 4.8))
-    with drawn():
+    with styled():
         grid = drawing.subplots(2, len(small.runs))
         for at, low, run in zip(grid[0], grid[1], small.runs.values(), strict=True):
             at.plot(run.time, np.ones(len(run.time)), **{**EXACT, "linewidth": 3.5})
@@ -277,7 +267,7 @@ def run_in_strips(run: ExerciseMotion, period: float, labels: Labels) -> Figure:
     """Draw the angle of a run over time in strips; ``period`` is that of its swings [s]."""
     parts = spans(float(run.time[-1]), period)
     drawing, rows = strips(parts, math.degrees(np.max(np.abs(run.angle))), labels["time"], labels)
-    with drawn():
+    with styled():
         for at, span in zip(rows, parts, strict=True):
             part = within(run.time, span)
             at.plot(run.time[part], np.degrees(run.angle[part]), **line(run, 1.1))
@@ -309,7 +299,7 @@ def energy_and_phase(run: ExerciseMotion, period: float, true: tuple[Array, Arra
     ``period`` is that of the swings [s].
     """
     drawing = blank((WIDTH, 3.1))
-    with drawn():
+    with styled():
         whole, first, phase = drawing.subplots(1, 3, width_ratios=(1.0, 1.0, 1.15))
         for at, end in ((whole, float(run.time[-1])), (first, min(FIRST_SWINGS * period, float(run.time[-1])))):
             part = within(run.time, (0.0, end))
@@ -331,7 +321,7 @@ def periods(worked: Worked, labels: Labels) -> Figure:
     size = np.radians(np.linspace(0.5, 155.0, 300))
     rest = math.tau / large.omega
     drawing = blank((WIDTH, 3.8))
-    with drawn():
+    with styled():
         at, below = drawing.subplots(2, 1, sharex=True, height_ratios=(2.2, 1.0))
         at.plot(np.degrees(size), exact.period(size, large.omega), label=labels["elliptic"],
                 **{**EXACT, "linewidth": 4.0})
@@ -360,7 +350,7 @@ def envelope(worked: Worked, labels: Labels) -> Figure:
     middle = float(np.mean(size + 0.5 * friction.gamma.value * readings.time))
     at_all = np.linspace(0.0, float(points.time[-1]), 50)
     drawing = blank((WIDTH, 3.0))
-    with drawn():
+    with styled():
         at = drawing.subplots()
         at.plot(points.time, np.degrees(points.amplitude), markersize=3.4, label=labels["all_amplitudes"],
                 **{**READING, "color": FAINT_INK})
@@ -395,7 +385,7 @@ def beside(worked: Worked, labels: Labels) -> Figure:
     parts = [(0.0, length), (end - length, end)] if end > 2.0 * length else [(0.0, end)]
     drawing = blank((WIDTH, 0.6 + 1.7 * len(parts)))
     model = compared.model
-    with drawn():
+    with styled():
         grid = drawing.subplots(len(parts), 2, sharey="row", squeeze=False)
         for row, span in zip(grid, parts, strict=True):
             part = few(compared.time, within(compared.time, span), compared.period_recorded)
@@ -419,7 +409,7 @@ def overlaid(worked: Worked, labels: Labels) -> Figure:
     parts = spans(float(compared.time[-1]), compared.period_recorded)
     reach = math.degrees(max(np.max(np.abs(compared.recorded)), np.max(np.abs(compared.model.angle))))
     drawing, rows = strips(parts, reach, labels["since_turn"], labels)
-    with drawn():
+    with styled():
         for at, span in zip(rows, parts, strict=True):
             part = few(compared.time, within(compared.time, span), compared.period_recorded)
             own = within(compared.model.time, span)
@@ -435,7 +425,7 @@ def difference(worked: Worked, labels: Labels) -> Figure:
     """Draw the difference of recording and simulation against time."""
     compared = worked.recorded.compared
     drawing = blank((WIDTH, 2.7))
-    with drawn():
+    with styled():
         at = drawing.subplots()
         at.plot(compared.time, np.degrees(compared.difference), color=INK, linewidth=0.8)
         at.axhline(0.0, color=FAINT_INK, linewidth=0.8)
@@ -450,7 +440,7 @@ def readings(worked: Worked, labels: Labels) -> Figure:
     assert beside is not None
     size, error, model = np.degrees(np.abs(beside.angle)), np.degrees(beside.error), beside.model
     drawing = blank((WIDTH, 4.4))
-    with drawn():
+    with styled():
         at, below = drawing.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
         at.plot(model.time, np.degrees(model.angle), label=labels["simulation"], **line(model, 0.7))
         at.errorbar(beside.time, np.degrees(beside.angle), error, color=INK, marker="o", markersize=4.5,

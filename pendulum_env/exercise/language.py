@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING, Any
 
 from matplotlib.figure import Figure
 from matplotlib.text import Text
-from matplotlib.ticker import Formatter
 
 from pendulum_env.common.checks import one_of
 from pendulum_env.common.mathml import mathml
 from pendulum_env.lab.measures import Measurement
+from pendulum_env.plots.style import Rewritten, plain
 
 if TYPE_CHECKING:
     from markupsafe import Markup
@@ -84,27 +84,9 @@ class Language:
                 text.set_text(self.numeral(text.get_text()))
             for at in drawing.axes:
                 for axis in (at.xaxis, at.yaxis):
-                    axis.set_major_formatter(_Localised(axis.get_major_formatter(), self))
+                    usual = axis.get_major_formatter()
+                    axis.set_major_formatter(Rewritten(usual, lambda label: self.numeral(plain(label))))
         return drawing
-
-
-class _Localised(Formatter):
-    """Labels of an axis by another formatter, with a language's decimal sign."""
-
-    def __init__(self, usual: Formatter, language: Language) -> None:
-        self.usual, self.language = usual, language
-
-    def __call__(self, x: float, pos: int | None = None) -> str:
-        return self.language.numeral(self.usual(x, pos))
-
-    def format_ticks(self, values: Any) -> list[str]:
-        return [self.language.numeral(label) for label in self.usual.format_ticks(values)]
-
-    def get_offset(self) -> str:
-        return self.language.numeral(self.usual.get_offset())
-
-    def set_locs(self, locs: Any) -> None:
-        self.usual.set_locs(locs)
 
 
 def language_of(code: str) -> Language:

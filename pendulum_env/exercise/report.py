@@ -27,7 +27,7 @@ from pendulum_env.exercise.values import digits, fixed, values, with_error
 from pendulum_env.exercise.worked import Worked
 from pendulum_env.lab.measures import percent
 from pendulum_env.physics.units import SceneError, line
-from pendulum_env.plots import save_all
+from pendulum_env.plots.style import laid_out, save_all
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -100,10 +100,12 @@ def write(
         for i, draw in enumerate(drawn):
             tell(i / len(drawn), f"drawing {draw.__name__.replace('_', ' ')}")
             figure = texts.localised(draw(worked, texts.figures))
-            paths += save_all(figure, made / draw.__name__, {**facts, "Title": draw.__name__})
+            with laid_out(figure):
+                paths += save_all(figure, made / draw.__name__, {**facts, "Title": draw.__name__})
+                edges = cuts(figure)
             svg = paths[-1].read_text(encoding="utf-8")
             title = f"{texts.say('figure')} {i + 1}"
-            figures[draw.__name__] = Drawing(i + 1, inlined(svg, draw.__name__, title, cuts(figure)))
+            figures[draw.__name__] = Drawing(i + 1, inlined(svg, draw.__name__, title, edges))
         for file, text in programs(worked, texts.figures, environment(texts)):
             paths.append(made / file)
             paths[-1].write_text(text, encoding="utf-8")

@@ -31,6 +31,7 @@ from pendulum_env.exercise.values import values, with_error
 from pendulum_env.exercise.worked import Worked, work_out
 from pendulum_env.lab import Recording, measure
 from pendulum_env.lab.recording import Filmed
+from pendulum_env.plots.style import laid_out
 
 pytest.importorskip("jinja2")
 
@@ -79,10 +80,11 @@ def test_all_legends_are_in_their_figures(worked: Worked) -> None:
 @pytest.mark.slow
 def test_a_page_may_end_between_the_rows_of_a_figure(worked: Worked) -> None:
     strips = figures.large_strips(worked, LABELS)
-    places, height = figures.cuts(strips), strips.bbox.height
-    assert len(places) == len(strips.axes) - 1
-    for place, upper, lower in zip(places, strips.axes, strips.axes[1:], strict=False):
-        assert upper.get_tightbbox().y0 >= (1.0 - place) * height >= lower.get_tightbbox().y1  # type: ignore[union-attr]
+    with laid_out(strips):
+        places, height = figures.cuts(strips), strips.bbox.height
+        assert len(places) == len(strips.axes) - 1
+        for place, upper, lower in zip(places, strips.axes, strips.axes[1:], strict=False):
+            assert upper.get_tightbbox().y0 >= (1.0 - place) * height >= lower.get_tightbbox().y1  # type: ignore[union-attr]
     assert figures.cuts(figures.periods(worked, LABELS)) == [], "its rows share the axis of amplitudes"
     svg = '<svg width="9" viewBox="0 0 100 60" version="1.1"><g id="a"><path clip-path="url(#a)"/></g></svg>'
     page = str(report.inlined(svg, "n", "Figure 1", [0.25, 0.5]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import subprocess
@@ -416,6 +417,20 @@ def test_a_figure_is_laid_out_once_and_drawn_once_for_each_file(sheet, tmp_path,
     assert b"<svg" in svg.read_bytes()
     assert figure.get_layout_engine() is layout
     assert figure.dpi == dpi
+
+
+def test_numbers_at_ticks_are_text_with_raised_exponents_and_axes_keep_their_formatters() -> None:
+    drawing, (linear, powers) = style.figure(2)
+    linear.set(xlim=(-1.0, 1.0), ylim=(0.0, 3e-7))
+    powers.set(yscale="log", ylim=(1e-12, 10.0))
+    every = linear.xaxis, linear.yaxis, powers.yaxis
+    usual = [axis.get_major_formatter() for axis in every]
+    drawing.savefig(io.BytesIO())
+    assert [axis.get_major_formatter() for axis in every] == usual
+    labels = {tick.label1.get_text() for axis in every for tick in axis.majorTicks}
+    assert {"\N{MINUS SIGN}1.00", "10⁻¹²", "10⁰"} <= labels
+    assert not any("$" in label for label in labels)
+    assert linear.yaxis.get_offset_text().get_text().startswith("$"), "the factor of an axis is mathematics"
 
 
 def test_a_figure_that_cannot_be_saved_leaves_the_old_one(sheet, tmp_path, monkeypatch):

@@ -5,13 +5,15 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pendulum_env.common import results
-from pendulum_env.common.progress import Progress, part_of, told_by
+from pendulum_env.common.progress import Progress, told_by
+from pendulum_env.common.provenance import output_folder
 from pendulum_env.films.look import checked_look
 from pendulum_env.films.orbit import curves
 from pendulum_env.films.picture import apparatus
@@ -54,15 +56,18 @@ def write(
     """
     if not isinstance(comparison, Comparison):
         raise SceneError(f"comparison must be a Comparison, the result of compare, not {shown(comparison)}.")
-    tell, share = told_by(progress), 0.3 if boolean(film, "film") else 1.0
-    look = checked_look(theme, panels, ("energy",), "")
-    paths = results.write(comparison, folder, progress=part_of(tell, 0.0, share))
-    if film:
-        count = math.floor(min(comparison.duration, FILM_SECONDS) * FPS + 1e-9) + 1
-        paths.append(write_film(
-            paths[0].with_name("comparison.mp4"), pictures(comparison, count, look), FPS, metadata=comparison.origin(),
-            total=count, progress=lambda done, total: tell(share + (1.0 - share) * done / count, "filming"),
-        ))
+    tell, look = told_by(progress), checked_look(theme, panels, ("energy",), "")
+    if boolean(film, "film"):
+        place, count = output_folder(folder), math.floor(min(comparison.duration, FILM_SECONDS) * FPS + 1e-9) + 1
+        with ThreadPoolExecutor(1, "figures") as beside:  # a film waits for ffmpeg, which is a process of its own
+            drawn = beside.submit(results.write, comparison, place)
+            filmed = write_film(
+                place / "comparison.mp4", pictures(comparison, count, look), FPS, metadata=comparison.origin(),
+                total=count, progress=lambda done, total: tell(done / count, "filming"),
+            )
+            paths = [*drawn.result(), filmed]
+    else:
+        paths = results.write(comparison, folder, progress=tell)
     tell(1.0, "written")
     return paths
 
