@@ -432,7 +432,7 @@ def test_what_a_class_measures(small: Path) -> None:
         page = seen.page
         do(seen, "location.hash = 'v=1&scene=exercise&methods=rk4:0.01&angle=0.08'")
         page.wait_for_function("LabPendulum.lab.lanes.length === 1 && LabPendulum.lab.lanes[0].method === 'rk4'")
-        period = page.locator("#pendulums dd").last
+        period = page.locator("#pendulums .period + dd")
         page.click("#planet-x")
         hidden = do(seen, "LabPendulum.lab.lanes[0].values[2]")
         assert page.input_value("#setting-2") == ""
@@ -460,7 +460,7 @@ def test_what_a_class_measures(small: Path) -> None:
         swing = do(seen, "LabPendulum.lab.lanes[0].swing")
         assert swing == pytest.approx(4 * float(ellipk(math.sin(1.0) ** 2)) / SCENES["lab"].omega0, rel=2e-6)
         still = do(seen, "document.querySelector('#pendulums canvas').toDataURL()")
-        for name in ("velocity", "acceleration"):
+        for name in ("velocity", "acceleration", "force", "ruler", "protractor"):
             page.check(f"#show-{name}")
             assert still != (still := do(seen, "document.querySelector('#pendulums canvas').toDataURL()"))
         for axis, name in (("x", "time"), ("y", "potential"), ("y", "distance")):

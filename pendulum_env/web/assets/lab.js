@@ -10,7 +10,8 @@ const SMALL = 20; // largest start angle at which nothing is said of small angle
 
 const lab = {
   scene: Object.keys(PAGE.scenes)[0], lanes: [], chosen: -1, playing: true, speed: 1, time: 0, torque: 0, reach: 0.2,
-  shown: { trail: true, velocity: false, acceleration: false }, watch: null, secret: false, recording: PAGE.recording, checked: null,
+  shown: { trail: true, velocity: false, acceleration: false, force: false, ruler: false, protractor: false },
+  tools: null, watch: null, secret: false, recording: PAGE.recording, checked: null,
   pushed: false, drawn: 0,
 };
 
@@ -43,7 +44,8 @@ class History {
 class Lane {
   constructor(method, dt, values = usualValues(), angle = PAGE.scenes[lab.scene].run.angle,
     velocity = PAGE.scenes[lab.scene].run.velocity) {
-    Object.assign(this, { method, dt, values, angle, velocity });
+    const { radius, reach, suspension, outline } = PAGE.scenes[lab.scene];
+    Object.assign(this, { method, dt, values, angle, velocity, radius, reach, suspension, outline });
   }
 
   start() {
@@ -51,10 +53,6 @@ class Lane {
     this.machine = new Machine(lab.scene, this.method, this.values, this.dt, this.angle, this.velocity);
     this.parts = Math.max(1, Math.ceil(this.dt / place.run.dt - 1e-9)); // steps of the accurate run in one of this
     this.ghost = new Machine(lab.scene, place.accurate, this.values, this.dt / this.parts, this.angle, this.velocity);
-    this.radius = place.radius;
-    this.reach = place.reach;
-    this.suspension = place.suspension;
-    this.outline = place.outline;
     this.steps = 0;
     this.ended = "";
     this.history = new History();
@@ -65,32 +63,64 @@ class Lane {
     // what errors of the energy are compared with: the energy at the start or, from rest, m g L
     const first = Math.abs(info.energy);
     this.reference = first > 1e-6 * parameters.scale ? first : parameters.scale || 1;
-    this.scale = Math.max(Math.abs(info.energy), 0.05 * parameters.scale) * 1.25; // of the bar of energies; it grows
+    this.scale = Math.max(Math.abs(info.energy), 0.002 * parameters.scale) * 1.25; // of the bar of energies; it grows
     this.begun = info.energy;
-    this.motion = { velocity: info.velocity, tangential: 0, central: info.velocity ** 2, fastest: 0, strongest: 0 };
+    this.motion = { fastest: 0, strongest: 0, heaviest: 0 };
+    this.move(info, this.jerk());
     this.crossed = NaN; // when the bob last went through the bottom to the right, and the time between the last two
     this.swing = NaN;
     this.read(info, this.ghost.last);
   }
 
+  /** A number of the scene by its name, or undefined where the page has none. */
+  number(name) {
+    return this.values[PAGE.scenes[lab.scene].settings.findIndex((setting) => setting.name === name)];
+  }
+
   /** The length, or another size of the body that it has in its place [m]. */
   get length() {
-    const at = PAGE.scenes[lab.scene].settings.findIndex((setting) => setting.name === "body.length");
-    return at < 0 ? this.reach : this.values[at];
+    return this.number("body.length") ?? this.reach;
+  }
+
+  /** How many times larger than a metre the pendulum of a picture is drawn, if the longest one is so long in it. */
+  perMetre(length) {
+    return this.outline.length ? length / extent(this.outline) : (length * this.share) / this.length;
   }
 
   get name() {
     return t(PAGE.methods[this.method].title);
   }
 
-  /** The displacement of the pivot by a drive, "horizontal" or "vertical", over the length. */
-  shaken(way, time) {
+  /** The displacement of the pivot by a drive, "horizontal" or "vertical", over the length; with `twice` the
+   * displacement's second derivative in time. */
+  shaken(way, time, twice = false) {
     const find = (what) => {
       const at = PAGE.scenes[lab.scene].settings.findIndex((setting) => setting.label === `${way} ${what}`);
       return at < 0 ? 0 : this.values[at];
     };
-    const amplitude = find("amplitude");
-    return amplitude && (amplitude / this.reach) * Math.cos(find("rate") * time + find("phase"));
+    const amplitude = find("amplitude"), rate = find("rate");
+    return amplitude && (twice ? -(rate ** 2) : 1) * (amplitude / this.length) * Math.cos(rate * time + find("phase"));
+  }
+
+  /** The angular acceleration at the start, from one short step of the accurate run [rad/s²]. */
+  jerk() {
+    const probe = new Machine(lab.scene, this.ghost.method, this.values, 1e-6, this.angle, this.velocity);
+    probe.take(1, 1, lab.torque);
+    const change = (probe.info().velocity - this.velocity) / 1e-6;
+    return Number.isFinite(change) ? change : 0;
+  }
+
+  /** Keep the motion now: velocity, acceleration, and by Newton's second law what pulls the bob, over its mass and in
+   * the directions of the screen: its weight, and all other forces together. */
+  move(info, tangential) {
+    const { motion } = this, { angle, velocity, time } = info, [sin, cos] = [Math.sin(angle), Math.cos(angle)];
+    const central = velocity ** 2, weight = this.number("gravity") ?? 0;
+    const pull = [this.length * (tangential * cos - central * sin + this.shaken("horizontal", time, true)),
+      -this.length * (tangential * sin + central * cos + this.shaken("vertical", time, true)) - weight];
+    Object.assign(motion, { velocity, tangential, central, weight, pull });
+    motion.fastest = Math.max(motion.fastest, Math.abs(velocity));
+    motion.strongest = Math.max(motion.strongest, Math.hypot(tangential, central));
+    motion.heaviest = Math.max(motion.heaviest, weight, Math.hypot(...pull));
   }
 
   /** Store a reading. */
@@ -145,11 +175,8 @@ class Lane {
 
   /** Measure the motion between two states: acceleration, and the period from bottom to bottom in one direction. */
   time(before, info) {
-    const step = info.time - before.time, { motion } = this;
-    [motion.velocity, motion.central] = [info.velocity, info.velocity ** 2];
-    motion.tangential = (info.velocity - before.velocity) / step;
-    motion.fastest = Math.max(motion.fastest, Math.abs(motion.velocity));
-    motion.strongest = Math.max(motion.strongest, Math.hypot(motion.tangential, motion.central));
+    const step = info.time - before.time;
+    this.move(info, (info.velocity - before.velocity) / step);
     const [one, other] = [wrapped(before.angle), wrapped(info.angle)];
     if (!(one < 0 && other >= 0 && other - one < 1)) return;
     let s = -one / (other - one); // of the step; then by Newton on the cubic through both states
@@ -185,6 +212,11 @@ function lead() {
   return lab.lanes[Math.max(lab.chosen, 0)];
 }
 
+/** The length of the longest pendulum [m]. */
+function longestOf() {
+  return Math.max(...lab.lanes.map((lane) => (lane.outline.length ? extent(lane.outline) : lane.length)));
+}
+
 /** Whether two pendulums have the same numbers and the same start. */
 function alike(one, other) {
   return one.angle === other.angle && one.velocity === other.velocity && one.values.every((value, i) => value === other.values[i]);
@@ -209,7 +241,9 @@ function restart() {
     apart ? t("The recording begins at {}°: type it as the start angle to compare.", short6(recorded)) : ""].filter(Boolean).join(" "));
   lab.reach = 0.2; // the largest angle of any pendulum so far, at least so much [rad]; the picture has room for it
   for (const lane of lab.lanes) lane.start();
-  const longest = Math.max(...lab.lanes.map((lane) => lane.length)); // parts of a rigid body are drawn as they are
+  const longest = longestOf(); // parts of a rigid body are drawn as they are
+  lab.tools ??= { across: 0.25 * longest, down: 0, turned: 90, long: 1.15 * longest, hand: Math.round(wrapped(lead().angle) * DEGREES * 10) / 10 };
+  fillTools();
   for (const lane of lab.lanes) lane.share = lane.outline.length || !(longest > 0) ? 1 : lane.length / longest;
   if (lab.watch) {
     lab.watch = null;
@@ -297,7 +331,9 @@ const LANE_PICTURES = [], LEDGERS = [];
 function show(now) {
   const colour = paint();
   for (const [i, lane] of lab.lanes.entries()) {
-    drawApparatus(LANE_PICTURES[i], lane, lab.torque, lab.reach, lab.shown, colour);
+    const drawn = drawApparatus(LANE_PICTURES[i], lane, lab.torque, lab.reach, lab.shown, colour);
+    if (lab.shown.protractor) drawProtractor(drawn, lab.tools, lane.outline.length ? Math.PI : lab.reach, colour);
+    if (lab.shown.ruler) drawRuler(drawn, lab.tools, lane.perMetre(drawn.length), colour);
     if (now === undefined || i % TURNS === lab.drawn % TURNS) fillLedger(lane, LEDGERS[i]);
   }
   if (lab.watch) byId("watch").textContent = watchText();
@@ -321,7 +357,24 @@ function fillLedger(lane, places) {
   const texts = { kinetic: joules(lane.energies.kinetic), potential: joules(lane.energies.potential), heat: joules(heat), work: joules(work),
     error: `${residual > 0 ? "+" : ""}${joules(residual)}${Math.abs(share) >= 0.01 ? ` (${percent(share)})` : ""}`,
     period: Number.isFinite(lane.swing) ? local(`${lane.swing.toPrecision(5)} s`) : "–" };
-  for (const [name, place] of Object.entries(places)) if (place.textContent !== texts[name]) place.textContent = texts[name];
+  for (const name of ["ruler", "protractor"]) {
+    places[name].parentElement.hidden = !lab.shown[name];
+    if (lab.shown[name]) texts[name] = reading(name, lane);
+  }
+  for (const [name, place] of Object.entries(places)) if (texts[name] && place.textContent !== texts[name]) place.textContent = texts[name];
+}
+
+/** What a person reads of a pendulum now: where along the ruler the bob's centre is, or its angle on the protractor. */
+function reading(name, lane) {
+  const { angle } = lane.machine.last;
+  const text = name === "ruler" ? `${(100 * alongRuler(lab.tools, bobAt(lane))).toFixed(1)} cm` : `${(wrapped(angle) * DEGREES).toFixed(1)}°`;
+  return local(text.replace("-", "−"));
+}
+
+/** Where a pendulum's bob is, to the right of and below the pivot at rest [m]. */
+function bobAt(lane) {
+  const { angle, time } = lane.machine.last, far = lane.outline.length ? extent(lane.outline) : lane.length;
+  return [far * (Math.sin(angle) + lane.shaken("horizontal", time)), far * (Math.cos(angle) - lane.shaken("vertical", time))];
 }
 
 /** The stopwatch: the time since it was started, or at which it was stopped [s of the pendulums]. */
@@ -335,8 +388,10 @@ function words(lane) {
   const { angle, velocity, energy_residual: lost } = lane.machine.last;
   const share = (100 * lost) / lane.reference;
   const [degrees, speed] = [angle * DEGREES, velocity].map((value) => value.toPrecision(3).replace("-", "−"));
+  const measured = (lab.shown.ruler ? t(", on the ruler {}", reading("ruler", lane)) : "")
+    + (lab.shown.protractor ? t(", on the protractor {}", reading("protractor", lane)) : "");
   return t("{}, step {} s: {}°, {} rad/s, energy {}{}", lane.name, lane.dt, degrees, speed,
-    Math.abs(share) < 1e-6 ? t("kept") : percent(share), lane.ended ? t(", stopped") : "");
+    Math.abs(share) < 1e-6 ? t("kept") : percent(share), measured + (lane.ended ? t(", stopped") : ""));
 }
 
 /** Say what each canvas shows now, for people who do not see it. */
@@ -530,7 +585,7 @@ function decades(curves) {
 function chooseScene(name) {
   const place = PAGE.scenes[name];
   lab.scene = name;
-  lab.secret = false;
+  [lab.secret, lab.tools] = [false, null];
   push(0);
   lab.lanes = lab.lanes.map(({ method }) => new Lane(place.shown.includes(method) ? method : place.shown[0], place.run.dt));
   rebuild();
@@ -580,7 +635,43 @@ function makeControls() {
   byId("add").disabled = lab.lanes.length >= PAGE.most;
   recolour();
   byId("lanes").replaceChildren(...lab.lanes.map(laneControl));
+  byId("tools").replaceChildren(...Object.keys(TOOLS).map(toolControl));
+  if (lab.tools) fillTools();
   fill();
+}
+
+/** Where ruler and protractor's hand can be put: words, which of the two it is, the largest number, its unit, and the factor to it. */
+const TOOLS = {
+  across: { label: "ruler, to the right", of: "ruler", most: () => 150 * longestOf(), unit: " cm", factor: 100 },
+  down: { label: "ruler, down", of: "ruler", most: () => 150 * longestOf(), unit: " cm", factor: 100 },
+  turned: { label: "ruler, turned", of: "ruler", most: () => 180, unit: "°", factor: 1 },
+  hand: { label: "protractor's hand", of: "protractor", most: () => 180, unit: "°", factor: 1 },
+};
+
+/** A slider, which arrow keys move, for the place of a tool. */
+function toolControl(name) {
+  const { label, of, factor } = TOOLS[name];
+  const slider = element("input", { type: "range", id: `tool-${name}`, step: name === "turned" ? "1" : "0.1", "aria-label": t(label) });
+  slider.addEventListener("input", () => {
+    lab.tools[name] = Number(slider.value) / factor;
+    fillTools();
+    show();
+  });
+  return element("label", { hidden: !lab.shown[of] }, element("span", { textContent: `${t(label)}: ` }), element("output"), slider);
+}
+
+/** Write the places of the tools into their sliders. */
+function fillTools() {
+  byId("forces").hidden = !lab.shown.force;
+  for (const [name, { factor, unit, of, most }] of Object.entries(TOOLS)) {
+    const slider = byId(`tool-${name}`), value = factor * lab.tools[name];
+    const text = local(`${value.toFixed(name === "turned" ? 0 : 1)}${unit}`.replace("-", "−"));
+    [slider.min, slider.max] = [String(-Math.ceil(most())), String(Math.ceil(most()))];
+    slider.value = String(value);
+    slider.setAttribute("aria-valuetext", text);
+    slider.previousSibling.textContent = text;
+    slider.parentElement.hidden = !lab.shown[of];
+  }
 }
 
 /** Give all pendulums the colours of the present theme. */
@@ -698,15 +789,38 @@ function secretButton(take) {
 function seen(lane) {
   const box = LANE_PICTURES[lab.lanes.indexOf(lane)].getBoundingClientRect(), { angle } = lane.machine.last;
   const { x, y, length } = geometry(box.width, lane.outline.length ? Math.PI : lab.reach);
-  const [u, v, far] = [box.left + x, box.top + y, length * lane.share];
-  return { x: u, y: v, bob: { x: u + far * Math.sin(angle), y: v + far * Math.cos(angle) } };
+  const [u, v, far] = [box.left + x, box.top + y, length * lane.share], scale = lane.perMetre(length);
+  return { x: u, y: v, scale, length, bob: { x: u + far * Math.sin(angle), y: v + far * Math.cos(angle) } };
+}
+
+/** What of a picture can be grabbed at a place of the screen: how far from it it is, and how the pointer then moves it. */
+function grips(lane, event) {
+  const { x, y, scale, length, bob } = seen(lane), { tools } = lab, [u, v] = [event.clientX - x, event.clientY - y];
+  const found = [{ away: Math.hypot(event.clientX - bob.x, event.clientY - bob.y), bob: true }];
+  if (lab.shown.ruler) {
+    const [across, down] = [tools.across - u / scale, tools.down - v / scale];
+    found.push({ away: awayFromRuler(tools, u / scale, v / scale) * scale, move(now) {
+      tools.across = across + (now.clientX - x) / scale;
+      tools.down = down + (now.clientY - y) / scale;
+    } }, { away: Math.hypot(...endOfRuler(tools).map((end, i) => end * scale - [u, v][i])) - RULER / 2, move(now) {
+      const [right, below] = [(now.clientX - x) / scale - tools.across, (now.clientY - y) / scale - tools.down];
+      tools.turned = Math.round(Math.atan2(below, right) * DEGREES);
+    } });
+  }
+  if (lab.shown.protractor) {
+    const [sin, cos] = [Math.sin(tools.hand / DEGREES), Math.cos(tools.hand / DEGREES)];
+    found.push({ away: Math.hypot(HAND * length * sin - u, HAND * length * cos - v), move(now) {
+      tools.hand = Math.round(Math.atan2(now.clientX - x, now.clientY - y) * DEGREES * 10) / 10;
+    } });
+  }
+  return found.filter(({ away }) => away < REACH).sort((one, other) => one.away - other.away);
 }
 
 function lanePicture(lane) {
   const canvas = element("canvas", { role: "img" });
   LANE_PICTURES.push(canvas);
   const caption = element("figcaption", {}, lane.name, element("small"));
-  let dragged = false, played = false;
+  let dragged = false, played = false, tool = null;
   const aim = (event) => {
     const { x, y } = seen(lane);
     const degrees = Math.atan2(event.clientX - x, event.clientY - y) * DEGREES;
@@ -716,16 +830,28 @@ function lanePicture(lane) {
     restart();
   };
   canvas.addEventListener("pointerdown", (event) => {
-    const { bob } = seen(lane), away = Math.hypot(event.clientX - bob.x, event.clientY - bob.y);
-    if (away > REACH) return;
+    const [nearest] = grips(lane, event);
+    if (!nearest) return;
     event.preventDefault();
     canvas.setPointerCapture(event.pointerId);
+    if (!nearest.bob) {
+      tool = nearest;
+      return;
+    }
     [dragged, played] = [true, lab.playing];
     play(false);
     aim(event);
   });
-  canvas.addEventListener("pointermove", (event) => { if (dragged) aim(event); });
+  canvas.addEventListener("pointermove", (event) => {
+    if (dragged) aim(event);
+    if (tool) {
+      tool.move(event);
+      fillTools();
+      show();
+    }
+  });
   const release = () => {
+    tool = null;
     if (!dragged) return;
     dragged = false;
     play(played);
@@ -734,7 +860,7 @@ function lanePicture(lane) {
   canvas.addEventListener("pointercancel", release);
   const place = PAGE.scenes[lab.scene], driven = place.motor || place.beat;
   const losing = place.settings.some((setting) => setting.kind === "dissipative" || setting.kind === "medium");
-  const names = ["kinetic", "potential", ...(losing ? ["heat"] : []), ...(driven ? ["work"] : []), "error", "period"];
+  const names = ["kinetic", "potential", ...(losing ? ["heat"] : []), ...(driven ? ["work"] : []), "error", "period", "ruler", "protractor"];
   const values = names.map(() => element("dd"));
   LEDGERS.push(Object.fromEntries(names.map((name, i) => [name, values[i]])));
   return element("figure", {}, caption, canvas, element("dl", { className: "ledger" }, ...names.map((name, i) => element("div", {},
@@ -882,7 +1008,7 @@ function readLink(text) {
     const torque = number("control", 0);
     number("time", 0);
     if (!(Math.abs(torque) <= 1) || (torque && !place.motor)) throw new Error(t("control must be from -1 to 1, in a scene with a motor"));
-    [lab.scene, lab.secret] = [entries.get("scene"), false];
+    [lab.scene, lab.secret, lab.tools] = [entries.get("scene"), false, null];
     lab.lanes = lanes.map(({ method, dt, values, angle, velocity }) => new Lane(method, dt, values, angle, velocity));
     push(torque);
     return "";
@@ -893,7 +1019,7 @@ function readLink(text) {
 
 /** What a link cannot say of this run, as a sentence; "" if it says all. */
 function unsaid() {
-  return lab.pushed ? t("The motor was pushed during this run: the link and the program begin it again with the present torque.") : "";
+  return lab.pushed ? t("The motor was pushed during this run, and a link cannot say when: link and program begin again, with the present torque from the start.") : "";
 }
 
 /** Take a file that was dropped or chosen as the recording; nothing of it leaves the browser. */
@@ -1024,7 +1150,7 @@ function tab(controls) {
   byId("tab-plots").setAttribute("aria-pressed", String(!controls));
   byId("tab-controls").setAttribute("aria-pressed", String(controls));
   show();
-  byId(controls ? "controls" : "plots").scrollIntoView();
+  scrollTo(0, document.querySelector("main").offsetTop);
 }
 
 /** Say everything that stays on the page in a language; pictures and controls are made anew after it. */
@@ -1083,6 +1209,7 @@ async function begin() {
     const box = element("input", { type: "checkbox", id: `show-${name}`, checked: lab.shown[name] });
     box.addEventListener("change", () => {
       lab.shown[name] = box.checked;
+      fillTools();
       show();
     });
     byId("shown").append(element("label", { className: "check" }, box, element("span")));
