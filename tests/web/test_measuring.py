@@ -124,7 +124,7 @@ def test_ruler_and_hand_are_dragged_and_the_bob_stays(still: Opened) -> None:
     hand = math.radians(tools["hand"])
     held = drag((at["x"] + tip * math.sin(hand), at["y"] + tip * math.cos(hand)), (at["x"] - 100, at["y"] + 100))
     assert held["hand"] == -45
-    assert page.get_attribute("#tool-hand", "aria-valuetext") == "−45.0°"
+    assert page.get_attribute("#tool-hand", "aria-valuetext") == "\N{MINUS SIGN}45.0°"
     assert page.evaluate("LabPendulum.lab.lanes[0].angle") == 0.5
     assert read(still, "protractor") == pytest.approx(math.degrees(0.5), abs=0.051)
 
@@ -145,6 +145,7 @@ def test_a_shaken_pivot_adds_its_acceleration_to_the_pull(still: Opened) -> None
     begin(still, "v=1&scene=kapitza&methods=rk4:0.0005&angle=0&velocity=0")
     values = {one["name"]: one["value"] for one in still.page.evaluate(
         "JSON.parse(document.getElementById('data').textContent).scenes.kapitza.settings")}
-    amplitude, rate = (next(v for k, v in values.items() if k.endswith(f"vertical_{what}")) for what in ("amplitude", "rate"))
+    amplitude, rate = (next(value for name, value in values.items() if name.endswith(f"vertical_{what}"))
+                       for what in ("amplitude", "rate"))
     pull = still.page.evaluate("LabPendulum.lab.lanes[0].motion.pull")
     assert pull == pytest.approx([0.0, -(values["gravity"] - amplitude * rate**2)], rel=1e-6, abs=1e-6)
