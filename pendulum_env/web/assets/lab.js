@@ -65,7 +65,10 @@ class Lane {
     this.reference = first > 1e-6 * parameters.scale ? first : parameters.scale || 1;
     this.scale = Math.max(Math.abs(info.energy), 0.002 * parameters.scale) * 1.25; // of the bar of energies; it grows
     this.begun = info.energy;
-    this.motion = { fastest: 0, strongest: 0, heaviest: 0 };
+    this.motion = { fastest: 0, strongest: 0, heaviest: 0, weight: this.number("gravity") ?? 0 };
+    const labelled = (label) => this.values[place.settings.findIndex((setting) => setting.label === label)] ?? 0;
+    this.drives = Object.fromEntries(["horizontal", "vertical"].map(
+      (way) => [way, ["amplitude", "rate", "phase"].map((what) => labelled(`${way} ${what}`))]));
     this.move(info, this.jerk());
     this.crossed = NaN; // when the bob last went through the bottom to the right, and the time between the last two
     this.swing = NaN;
@@ -94,12 +97,8 @@ class Lane {
   /** The displacement of the pivot by a drive, "horizontal" or "vertical", over the length; with `twice` the
    * displacement's second derivative in time. */
   shaken(way, time, twice = false) {
-    const find = (what) => {
-      const at = PAGE.scenes[lab.scene].settings.findIndex((setting) => setting.label === `${way} ${what}`);
-      return at < 0 ? 0 : this.values[at];
-    };
-    const amplitude = find("amplitude"), rate = find("rate");
-    return amplitude && (twice ? -(rate ** 2) : 1) * (amplitude / this.length) * Math.cos(rate * time + find("phase"));
+    const [amplitude, rate, phase] = this.drives[way];
+    return amplitude && (twice ? -(rate ** 2) : 1) * (amplitude / this.length) * Math.cos(rate * time + phase);
   }
 
   /** The angular acceleration at the start, from one short step of the accurate run [rad/s²]. */
@@ -114,10 +113,10 @@ class Lane {
    * the directions of the screen: its weight, and all other forces together. */
   move(info, tangential) {
     const { motion } = this, { angle, velocity, time } = info, [sin, cos] = [Math.sin(angle), Math.cos(angle)];
-    const central = velocity ** 2, weight = this.number("gravity") ?? 0;
+    const central = velocity ** 2, { weight } = motion;
     const pull = [this.length * (tangential * cos - central * sin + this.shaken("horizontal", time, true)),
       -this.length * (tangential * sin + central * cos + this.shaken("vertical", time, true)) - weight];
-    Object.assign(motion, { velocity, tangential, central, weight, pull });
+    Object.assign(motion, { velocity, tangential, central, pull });
     motion.fastest = Math.max(motion.fastest, Math.abs(velocity));
     motion.strongest = Math.max(motion.strongest, Math.hypot(tangential, central));
     motion.heaviest = Math.max(motion.heaviest, weight, Math.hypot(...pull));
