@@ -459,6 +459,22 @@ def test_what_a_class_measures(small: Path) -> None:
         do(seen, "LabPendulum.show()")
         swing = do(seen, "LabPendulum.lab.lanes[0].swing")
         assert swing == pytest.approx(4 * float(ellipk(math.sin(1.0) ** 2)) / SCENES["lab"].omega0, rel=2e-6)
+        page.fill("#angle", "90")
+        page.press("#angle", "Enter")
+        advance(seen, 5)
+        wanted = [4 * float(ellipk(math.sin(math.radians(degrees) / 2) ** 2)) for degrees in (math.degrees(2), 90.0)]
+        swings = do(seen, "LabPendulum.lab.lanes[0].swings")  # of both starts
+        assert swings[0] == pytest.approx([math.degrees(2), wanted[0] / SCENES["lab"].omega0], rel=1e-4)
+        assert swings[-1] == pytest.approx([90, wanted[1] / SCENES["lab"].omega0], rel=1e-4)
+        pale = do(seen, "LabPendulum.periods(LabPendulum.lab.lanes[0], 120)")
+        for degrees, seconds in pale:
+            longer = 4 * float(ellipk(math.sin(math.radians(degrees) / 2) ** 2))
+            assert seconds == pytest.approx(longer / SCENES["lab"].omega0, rel=1e-9)
+        page.fill("#setting-0", "0.5")
+        page.press("#setting-0", "Enter")
+        assert do(seen, "LabPendulum.lab.lanes[0].swings") == []
+        advance(seen, 1.1)
+        do(seen, "LabPendulum.show()")
         still = do(seen, "document.querySelector('#pendulums canvas').toDataURL()")
         for name in ("velocity", "acceleration", "force", "ruler", "protractor"):
             page.check(f"#show-{name}")

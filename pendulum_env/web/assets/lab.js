@@ -70,6 +70,8 @@ class Lane {
     this.drives = Object.fromEntries(["horizontal", "vertical"].map(
       (way) => [way, ["amplitude", "rate", "phase"].map((what) => labelled(`${way} ${what}`))]));
     this.move(info, this.jerk());
+    if (String(this.values) !== this.swung) [this.swung, this.swings] = [String(this.values), []]; // of these numbers, whatever the start
+    this.largest = 0; // angle of the present swing
     this.crossed = NaN; // when the bob last went through the bottom to the right, and the time between the last two
     this.swing = NaN;
     this.read(info, this.ghost.last);
@@ -177,6 +179,9 @@ class Lane {
     const step = info.time - before.time;
     this.move(info, (info.velocity - before.velocity) / step);
     const [one, other] = [wrapped(before.angle), wrapped(info.angle)];
+    const turn = before.velocity / (before.velocity - info.velocity); // of the step, if it turns in it
+    const far = turn >= 0 && turn <= 1 ? before.angle + 0.5 * before.velocity * turn * step : info.angle;
+    this.largest = Math.max(this.largest, Math.abs(far));
     if (!(one < 0 && other >= 0 && other - one < 1)) return;
     let s = -one / (other - one); // of the step; then by Newton on the cubic through both states
     for (let i = 0; i < 4; i += 1) {
@@ -187,6 +192,9 @@ class Lane {
     const at = before.time + Math.min(Math.max(s, 0), 1) * step;
     this.swing = at - this.crossed;
     this.crossed = at;
+    if (Number.isFinite(this.swing)) this.swings.push([this.largest * DEGREES, this.swing]);
+    if (this.swings.length > MOST_SWINGS) this.swings.splice(0, MOST_SWINGS / 2);
+    this.largest = 0;
   }
 
   end(code) {
@@ -236,7 +244,9 @@ function restart() {
   const recorded = lab.recording ? lab.recording[1][0] : NaN; // the first reading; 0 of a sensor that is zeroed at its start
   const apart = recorded !== 0 && starts.some((degrees) => Math.abs(recorded - degrees)
     > 0.1 * Math.max(Math.abs(recorded), Math.abs(degrees)));
+  const large = Object.keys(PAGE.scenes).find((name) => PAGE.scenes[name].periodic);
   say([small ? t("This scene's force grows with the angle itself, which is right for small angles only.") : "",
+    small && large ? t("Large ones: choose the scene {}.", large.replaceAll("_", " ")) : "",
     apart ? t("The recording begins at {}°: type it as the start angle to compare.", short6(recorded)) : ""].filter(Boolean).join(" "));
   lab.reach = 0.2; // the largest angle of any pendulum so far, at least so much [rad]; the picture has room for it
   for (const lane of lab.lanes) lane.start();
@@ -310,16 +320,18 @@ function letGo() {
 
 // --- what is drawn -------------------------------------------------------------------------------------------------
 
-const PLOTS = ["angle", "energy", "error", "phase", "distance", "free", "section"];
+const PLOTS = ["angle", "energy", "error", "phase", "distance", "period", "free", "section"];
 const CAPTIONS = {
   angle: "Angle against time; the accurate solution is pale",
   energy: "Energy against time; dashed: kinetic (orange) and potential energy (blue) of one pendulum",
   error: "Error of the energy, as a share of that at the start (of m g L if that is 0); a gain is solid, a loss dashed",
   phase: "Phase portrait: velocity against angle; the accurate orbit is pale",
   distance: "Distance of the angle from the accurate solution",
+  period: "Period of each swing against its amplitude; pale: the closed form without losses",
   free: "Any quantity against any other",
   section: "Poincaré section: the state once in each period of the drive",
 };
+const MOST_SWINGS = 1000; // whose periods are kept
 const TURNS = 4; // frames in which every plot is drawn once
 const MOST_POINTS = 800; // of a curve against time: more than it has pixels
 const REACH = 36; // distance from a bob within which it is grabbed [CSS pixels]
@@ -493,6 +505,12 @@ const PLOTTED = {
   distance(colour) {
     drawLogarithm("distance", t("distance [°]"), (row) => Math.abs(row[1] - row[5]) * DEGREES, colour);
   },
+  period(colour) {
+    const x = [0, around([0, ...lab.lanes.flatMap((lane) => [lane.angle * DEGREES, ...lane.swings.map(([angle]) => angle)]).map(Math.abs)], 10)[1]];
+    const curves = finest().map((i) => ({ colour: colour("faint-ink"), alpha: 0.45, width: 4, points: periods(lab.lanes[i], Math.min(x[1], 175)) }));
+    curves.push(...lab.lanes.map((lane) => ({ colour: lane.colour, dots: true, width: 5, points: lane.swings })));
+    drawPlot(byId("plot-period"), { x, y: around(valuesOf(curves), 0.02), xlabel: t("amplitude [°]"), ylabel: t("period [s]"), curves }, colour);
+  },
   section(colour) {
     const driven = lab.lanes.some((lane) => Number.isFinite(lane.period));
     byId("plot-section").parentElement.hidden = !driven;
@@ -505,6 +523,18 @@ const PLOTTED = {
       ylabel: t("velocity [rad/s]"), curves }, colour);
   },
 };
+
+/** Periods without losses up to an amplitude [degrees]: 2 pi / omega, over the arithmetic-geometric mean of 1 and
+ * cos(amplitude / 2) where the force is that of the sine (Gauss 1799). */
+function periods(lane, most) {
+  const omega = Math.sqrt(parametersOf(lab.scene, lane.values).gravity_rate), found = [];
+  for (let i = 0; omega > 0 && i <= 60; i += 1) {
+    let [one, other] = [1, PAGE.scenes[lab.scene].periodic ? Math.cos((i / 120) * (most / DEGREES)) : 1];
+    for (let k = 0; k < 6; k += 1) [one, other] = [(one + other) / 2, Math.sqrt(one * other)];
+    found.push([(i / 60) * most, (2 * Math.PI) / omega / one]);
+  }
+  return found;
+}
 
 /** Draw the phase portrait, in turns of 360 degrees if a pendulum goes over the top. */
 function phase(colour) {
@@ -733,6 +763,14 @@ function short6(value) {
   return local(String(Number(value.toPrecision(6))).replace("-", "−"));
 }
 
+/** A slider between its two ends in words, with marks where it has the values `marks`, and a limit at another. */
+function slide(slider, ends, marks, limit = NaN) {
+  const place = (value) => `calc(10px + ${(value - slider.min) / (slider.max - slider.min)} * (100% - 20px))`; // of its thumb's middle
+  const inside = [...marks.map((value) => element("i", { style: `left: ${place(value)}` })),
+    ...(limit > slider.min && limit < slider.max ? [element("i", { className: "limit", style: `left: ${place(limit)}` })] : [])];
+  return element("div", { className: "slide" }, ends[0], element("div", {}, slider, ...inside), ends[1]);
+}
+
 function settingControl(setting, i) {
   const id = `setting-${i}`, usual = setting.value;
   const box = element("input", { type: "number", step: "any", inputmode: "decimal", id, value: String(lead().values[i]) });
@@ -770,7 +808,9 @@ function settingControl(setting, i) {
       });
       return made;
     }), secretButton(take))];
-  return element("div", { className: "setting" }, label, box, ...(usual > 0 ? [slider] : []), ...planets);
+  const ends = [usual / 5, 5 * usual].map((value) => local(String(Number(value.toPrecision(2)))));
+  return element("div", { className: "setting" }, label, box, ...(usual > 0 ? [slide(slider, ends, [0])] : []), ...planets,
+    ...(secret ? [element("p", { className: "hint", textContent: t("Measure a period: it tells the gravity.") })] : []));
 }
 
 /** A button that lands on a planet whose gravity is not told until it is asked for. */
@@ -899,8 +939,6 @@ function laneControl(lane, i) {
   slider.addEventListener("change", () => take(Number((LEAST_STEP * (MOST_STEP / LEAST_STEP) ** Number(slider.value)).toPrecision(2))));
   box.addEventListener("change", () => take(box.value === "" ? NaN : Number(box.value)));
   const method = PAGE.methods[lane.method], limit = limitOf(lane);
-  const mark = element("div", { className: "limit" });
-  if (limit > 0 && place(limit) < 1) mark.append(element("i", { style: `left: ${100 * place(limit)}%` }));
   const words = limit === null ? t("Stable in small swings at every step.")
     : limit === 0 ? t("Unstable in small swings at every step.")
       : t("Stable in small swings up to a step of {} s (mark).", limit.toPrecision(3));
@@ -911,7 +949,7 @@ function laneControl(lane, i) {
     rebuild();
   });
   const made = element("div", { className: "lane" }, choose, element("div", { className: "setting" },
-    element("label", { htmlFor: `step-${i}`, textContent: t("step [s]") }), box, slider), mark,
+    element("label", { htmlFor: `step-${i}`, textContent: t("step [s]") }), box, slide(slider, [local(String(LEAST_STEP)), `${MOST_STEP} s`], [1e-4, 1e-3, 1e-2, 0.1, 1].map(place), limit > 0 ? place(limit) : NaN)),
   element("p", { className: "hint", textContent: t("{}. {} Source: {}.", t(method.summary), words, method.source) }), remove);
   made.style.borderColor = lane.colour;
   return made;
@@ -1176,7 +1214,7 @@ function speak(wanted) {
 
 async function begin() {
   await unpack();
-  globalThis.LabPendulum = { lab, seen, linkText, readLink, rebuild, advance, play, say, show, Machine };
+  globalThis.LabPendulum = { lab, seen, linkText, readLink, rebuild, advance, periods, play, say, show, Machine };
   remember();
   for (const name of Object.keys(PAGE.scenes)) byId("scene").append(element("option", { value: name }));
   for (const name of ["en", ...Object.keys(PAGE.texts)]) {
