@@ -115,7 +115,7 @@ function dial(c, width, x, y, length, reach, colour) {
     c.lineTo(x + inner * sin, y + inner * cos);
     c.stroke();
     const [u, v] = [x + (radius + 17) * sin, y + (radius + 10) * cos];
-    if (degrees % numbered === 0 && width > 110 && degrees !== -90 && u > 0.07 * width + 12 && u < width - 16) {
+    if (degrees % numbered === 0 && width > 110 && degrees !== -90 && u > 0.07 * width + 12 && u < width - 16 && v > 7) {
       c.fillText(`${degrees}°`.replace("-", "−"), u, v);
     }
   }

@@ -192,7 +192,7 @@ class Lane {
     const at = before.time + Math.min(Math.max(s, 0), 1) * step;
     this.swing = at - this.crossed;
     this.crossed = at;
-    if (Number.isFinite(this.swing)) this.swings.push([this.largest * DEGREES, this.swing]);
+    if (Number.isFinite(this.swing) && this.largest < Math.PI) this.swings.push([this.largest * DEGREES, this.swing]);
     if (this.swings.length > MOST_SWINGS) this.swings.splice(0, MOST_SWINGS / 2);
     this.largest = 0;
   }
@@ -359,14 +359,15 @@ function show(now) {
 /** A share in percent, with its sign, as text. */
 function percent(share) {
   const size = Math.abs(share);
-  return local(`${share > 0 ? "+" : "−"}${size < 1e6 ? Number(size.toPrecision(3)) : size.toExponential(1)} %`);
+  const text = String(size === 0 || (size >= 1e-4 && size < 1e6) ? Number(size.toPrecision(3)) : size.toExponential(1)).replace("-", "−");
+  return local(`${share > 0 ? "+" : share < 0 ? "−" : ""}${text} %`);
 }
 
 /** Write the energies of a pendulum, what its method added to them, and its period. */
 function fillLedger(lane, places) {
   const { heat, work, residual } = lane.energies, share = (100 * residual) / lane.reference;
   const texts = { kinetic: joules(lane.energies.kinetic), potential: joules(lane.energies.potential), heat: joules(heat), work: joules(work),
-    error: `${residual > 0 ? "+" : ""}${joules(residual)}${Math.abs(share) >= 0.01 ? ` (${percent(share)})` : ""}`,
+    error: `${residual > 0 ? "+" : ""}${joules(residual)}`, share: `(${percent(share)})`,
     period: Number.isFinite(lane.swing) ? local(`${lane.swing.toPrecision(5)} s`) : "–" };
   for (const name of ["ruler", "protractor"]) {
     places[name].parentElement.hidden = !lab.shown[name];
@@ -524,11 +525,11 @@ const PLOTTED = {
   },
 };
 
-/** Periods without losses up to an amplitude [degrees]: 2 pi / omega, over the arithmetic-geometric mean of 1 and
+/** Periods without losses and drive up to an amplitude [degrees]: 2 pi / omega, over the arithmetic-geometric mean of 1 and
  * cos(amplitude / 2) where the force is that of the sine (Gauss 1799). */
 function periods(lane, most) {
-  const omega = Math.sqrt(parametersOf(lab.scene, lane.values).gravity_rate), found = [];
-  for (let i = 0; omega > 0 && i <= 60; i += 1) {
+  const { scale, inertia } = parametersOf(lab.scene, lane.values), omega = Math.sqrt(scale / inertia), found = [];
+  for (let i = 0; omega > 0 && i <= 60 && !PAGE.scenes[lab.scene].beat; i += 1) {
     let [one, other] = [1, PAGE.scenes[lab.scene].periodic ? Math.cos((i / 120) * (most / DEGREES)) : 1];
     for (let k = 0; k < 6; k += 1) [one, other] = [(one + other) / 2, Math.sqrt(one * other)];
     found.push([(i / 60) * most, (2 * Math.PI) / omega / one]);
@@ -797,7 +798,10 @@ function settingControl(setting, i) {
   box.addEventListener("change", () => take(box.value === "" ? NaN : Number(box.value)));
   slider.addEventListener("input", () => take(Number((usual * 5 ** Number(slider.value)).toPrecision(4))));
   const secret = setting.name === "gravity" && lab.secret;
-  if (secret) [box.value, box.placeholder, slider.disabled] = ["", "?", true];
+  if (secret) {
+    [box.value, box.placeholder, slider.value, slider.disabled] = ["", "?", "0", true];
+    slider.setAttribute("aria-valuetext", "?");
+  }
   const planets = setting.name !== "gravity" ? [] : [element("div", { className: "row planets", role: "group", "aria-label": t("gravity of") },
     ...Object.entries(PLANETS).map(([name, value]) => {
       const made = element("button", { type: "button", id: `planet-${name}`, textContent: t(name) });
@@ -901,7 +905,9 @@ function lanePicture(lane) {
   const losing = place.settings.some((setting) => setting.kind === "dissipative" || setting.kind === "medium");
   const names = ["kinetic", "potential", ...(losing ? ["heat"] : []), ...(driven ? ["work"] : []), "error", "period", "ruler", "protractor"];
   const values = names.map(() => element("dd"));
-  LEDGERS.push(Object.fromEntries(names.map((name, i) => [name, values[i]])));
+  const places = Object.fromEntries(names.map((name, i) => [name, values[i]])), [error, share] = [element("span"), element("span")];
+  places.error.append(error, share);
+  LEDGERS.push({ ...places, error, share });
   return element("figure", {}, caption, canvas, element("dl", { className: "ledger" }, ...names.map((name, i) => element("div", {},
     element("dt", { className: name, textContent: t(name) }), values[i]))));
 }

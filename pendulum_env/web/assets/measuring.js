@@ -119,5 +119,5 @@ function drawProtractor({ context: c, x, y, length, width, height }, tools, reac
   c.fillStyle = colour("ink");
   const text = local(`${tools.hand.toFixed(1)}°`.replace("-", "−")), room = c.measureText(text).width / 2 + 4;
   const beside = u + (tools.hand < 0 ? -1 : 1) * (room + 8);
-  c.fillText(text, Math.min(Math.max(beside, room), width - room), Math.min(Math.max(v, 10), height - 10));
+  if (width > 110) c.fillText(text, Math.min(Math.max(beside, room), width - room), Math.min(Math.max(v, 10), height - 10));
 }
