@@ -359,7 +359,7 @@ function show(now) {
 /** A share in percent, with its sign, as text. */
 function percent(share) {
   const size = Math.abs(share);
-  const text = String(size === 0 || (size >= 1e-4 && size < 1e6) ? Number(size.toPrecision(3)) : size.toExponential(1)).replace("-", "−");
+  const text = String(size === 0 || (size >= 1e-3 && size < 1e6) ? Number(size.toPrecision(3)) : size.toExponential(1)).replace("-", "−");
   return local(`${share > 0 ? "+" : share < 0 ? "−" : ""}${text} %`);
 }
 
