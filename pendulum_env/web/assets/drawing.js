@@ -152,7 +152,7 @@ function arrows(c, lane, x, y, length, width, shown, colour) {
   const wanted = [["velocity", [lane.motion.velocity, 0], lane.motion.fastest, colour("torque")],
     ["acceleration", [lane.motion.tangential, lane.motion.central], lane.motion.strongest, colour("warning")]];
   if (shown.force && lane.motion.heaviest > 0) {
-    const scale = (0.3 * width) / lane.motion.heaviest;
+    const scale = (0.16 * width) / lane.motion.heaviest;
     arrow(c, u, v, 0, scale * lane.motion.weight, colour("ink"));
     arrow(c, u, v, scale * lane.motion.pull[0], scale * lane.motion.pull[1], colour("ink"));
   }

@@ -251,7 +251,7 @@ function restart() {
   lab.reach = 0.2; // the largest angle of any pendulum so far, at least so much [rad]; the picture has room for it
   for (const lane of lab.lanes) lane.start();
   const longest = longestOf(); // parts of a rigid body are drawn as they are
-  lab.tools ??= { across: 0.25 * longest, down: 0, turned: 90, long: 1.15 * longest, hand: Math.round(wrapped(lead().angle) * DEGREES * 10) / 10 };
+  lab.tools ??= { across: 0.6 * longest, down: 0, turned: 90, long: 1.15 * longest, hand: Math.round(wrapped(lead().angle) * DEGREES * 10) / 10 };
   fillTools();
   for (const lane of lab.lanes) lane.share = lane.outline.length || !(longest > 0) ? 1 : lane.length / longest;
   if (lab.watch) {
@@ -343,8 +343,8 @@ function show(now) {
   const colour = paint();
   for (const [i, lane] of lab.lanes.entries()) {
     const drawn = drawApparatus(LANE_PICTURES[i], lane, lab.torque, lab.reach, lab.shown, colour);
-    if (lab.shown.protractor) drawProtractor(drawn, lab.tools, lane.outline.length ? Math.PI : lab.reach, colour);
     if (lab.shown.ruler) drawRuler(drawn, lab.tools, lane.perMetre(drawn.length), colour);
+    if (lab.shown.protractor) drawProtractor(drawn, lab.tools, lane.outline.length ? Math.PI : lab.reach, colour);
     if (now === undefined || i % TURNS === lab.drawn % TURNS) fillLedger(lane, LEDGERS[i]);
   }
   if (lab.watch) byId("watch").textContent = watchText();
