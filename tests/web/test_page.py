@@ -466,6 +466,10 @@ def test_what_a_class_measures(small: Path) -> None:
         swings = do(seen, "LabPendulum.lab.lanes[0].swings")  # of both starts
         assert swings[0] == pytest.approx([math.degrees(2), wanted[0] / SCENES["lab"].omega0], rel=1e-4)
         assert swings[-1] == pytest.approx([90, wanted[1] / SCENES["lab"].omega0], rel=1e-4)
+        do(seen, "LabPendulum.show()")
+        last = re.search(r"; rk4 ([\d.]+)°, ([\d.]+) s$", page.get_attribute("#plot-period", "aria-label"))
+        assert last
+        assert [float(number) for number in last.groups()] == pytest.approx(swings[-1], rel=1e-4)
         pale = do(seen, "LabPendulum.periods(LabPendulum.lab.lanes[0], 120)")
         for degrees, seconds in pale:
             longer = 4 * float(ellipk(math.sin(math.radians(degrees) / 2) ** 2))
@@ -609,6 +613,7 @@ def test_the_page_fits_every_width(width: int, scheme: str, file: Path) -> None:
     with opened(file, viewport={"width": width, "height": 800}, color_scheme=scheme, reduced_motion="reduce") as seen:
         wait_for_check(seen)
         assert seen.page.inner_text("#play") == "Play"
+        do(seen, "document.querySelectorAll('#shown input').forEach((box) => box.checked || box.click())")
         for controls in (False, True):
             if width < 900:
                 seen.page.click("#tab-controls" if controls else "#tab-plots")

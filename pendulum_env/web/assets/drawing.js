@@ -38,8 +38,10 @@ function geometry(width, reach) {
   return { x: 0.5 * width, y: Math.max(0.1, 0.08 + 1.14 * length * above) * width, length: length * width };
 }
 
-/** Draw one pendulum; returns the context with the size of the picture and its geometry. `lane` has machine, ghost, colour, energies if they are shown, and `share`, its length over that of
- * the longest; `reach` is the largest angle that any of the pendulums has reached [rad]. */
+/** Draw one pendulum; returns the context with the size of the picture and its geometry.
+ *
+ * `lane` has machine, ghost, colour, energies if they are shown, and `share`, its length over that of the longest; `reach` is
+ * the largest angle that any of the pendulums has reached [rad]. */
 function drawApparatus(canvas, lane, torque, reach, shown, colour) {
   const { context: c, width, height } = fitted(canvas, (wide) => 0.92 * wide + (lane.energies ? BAR : 0));
   const rest = geometry(width, lane.outline.length ? Math.PI : reach), length = rest.length * lane.share;

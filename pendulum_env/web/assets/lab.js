@@ -69,8 +69,9 @@ class Lane {
     const labelled = (label) => this.values[place.settings.findIndex((setting) => setting.label === label)] ?? 0;
     this.drives = Object.fromEntries(["horizontal", "vertical"].map(
       (way) => [way, ["amplitude", "rate", "phase"].map((what) => labelled(`${way} ${what}`))]));
-    this.move(info, this.jerk());
-    if (String(this.values) !== this.swung) [this.swung, this.swings] = [String(this.values), []]; // of these numbers, whatever the start
+    this.move(info, this.acceleration());
+    const numbers = String(this.values);
+    if (numbers !== this.swung) [this.swung, this.swings] = [numbers, []]; // periods with these numbers, whatever the start
     this.largest = 0; // angle of the present swing
     this.crossed = NaN; // when the bob last went through the bottom to the right, and the time between the last two
     this.swing = NaN;
@@ -87,7 +88,7 @@ class Lane {
     return this.number("body.length") ?? this.reach;
   }
 
-  /** How many times larger than a metre the pendulum of a picture is drawn, if the longest one is so long in it. */
+  /** The scale of a picture in which the longest pendulum is drawn with this length [CSS pixels per metre]. */
   perMetre(length) {
     return this.outline.length ? length / extent(this.outline) : (length * this.share) / this.length;
   }
@@ -104,7 +105,7 @@ class Lane {
   }
 
   /** The angular acceleration at the start, from one short step of the accurate run [rad/s²]. */
-  jerk() {
+  acceleration() {
     const probe = new Machine(lab.scene, this.ghost.method, this.values, 1e-6, this.angle, this.velocity);
     probe.take(1, 1, lab.torque);
     const change = (probe.info().velocity - this.velocity) / 1e-6;
@@ -251,7 +252,8 @@ function restart() {
   lab.reach = 0.2; // the largest angle of any pendulum so far, at least so much [rad]; the picture has room for it
   for (const lane of lab.lanes) lane.start();
   const longest = longestOf(); // parts of a rigid body are drawn as they are
-  lab.tools ??= { across: 0.6 * longest, down: 0, turned: 90, long: 1.15 * longest, hand: Math.round(wrapped(lead().angle) * DEGREES * 10) / 10 };
+  lab.tools ??= { across: 0.6 * longest, down: 0, turned: 90, long: 1.15 * longest,
+    hand: Math.round(wrapped(lead().angle) * DEGREES * 10) / 10 };
   fillTools();
   for (const lane of lab.lanes) lane.share = lane.outline.length || !(longest > 0) ? 1 : lane.length / longest;
   if (lab.watch) {
@@ -411,6 +413,9 @@ function label() {
   lab.lanes.forEach((lane, i) => LANE_PICTURES[i].setAttribute("aria-label", words(lane)));
   const angles = lab.lanes.map((lane) => `${lane.name} ${lane.history.range(1, DEGREES)}°`).join(", ");
   byId("plot-angle").setAttribute("aria-label", `${t(CAPTIONS.angle)}; ${t("until {} s", lab.time.toFixed(1))}: ${angles}`);
+  const swings = lab.lanes.filter((lane) => lane.swings.length).map(
+    (lane) => `${lane.name} ${lane.swings.at(-1).map((number, i) => `${short6(Number(number.toPrecision(5)))}${["°", " s"][i]}`).join(", ")}`);
+  byId("plot-period").setAttribute("aria-label", [t(CAPTIONS.period), ...swings].join("; "));
   const losses = lab.lanes.map((lane) => `${lane.name} ${short6(Number((lane.energies.residual / lane.reference).toPrecision(2)))}`);
   byId("plot-error").setAttribute("aria-label", `${t(CAPTIONS.error)}; ${t("now")}: ${losses.join(", ")}`);
 }
@@ -507,7 +512,8 @@ const PLOTTED = {
     drawLogarithm("distance", t("distance [°]"), (row) => Math.abs(row[1] - row[5]) * DEGREES, colour);
   },
   period(colour) {
-    const x = [0, around([0, ...lab.lanes.flatMap((lane) => [lane.angle * DEGREES, ...lane.swings.map(([angle]) => angle)]).map(Math.abs)], 10)[1]];
+    const seen = lab.lanes.flatMap((lane) => [Math.abs(lane.angle) * DEGREES, ...lane.swings.map(([angle]) => angle)]);
+    const x = [0, around([0, ...seen], 10)[1]];
     const curves = finest().map((i) => ({ colour: colour("faint-ink"), alpha: 0.45, width: 4, points: periods(lab.lanes[i], Math.min(x[1], 175)) }));
     curves.push(...lab.lanes.map((lane) => ({ colour: lane.colour, dots: true, width: 5, points: lane.swings })));
     drawPlot(byId("plot-period"), { x, y: around(valuesOf(curves), 0.02), xlabel: t("amplitude [°]"), ylabel: t("period [s]"), curves }, colour);
@@ -687,7 +693,8 @@ function toolControl(name) {
     fillTools();
     show();
   });
-  return element("label", { hidden: !lab.shown[of] }, element("span", { textContent: `${t(label)}: ` }), element("output"), slider);
+  const words = element("span", { textContent: `${t(label)}: ` });
+  return element("label", { hidden: !lab.shown[of] }, words, element("output"), slider);
 }
 
 /** Write the places of the tools into their sliders. */
@@ -766,7 +773,8 @@ function short6(value) {
 
 /** A slider between its two ends in words, with marks where it has the values `marks`, and a limit at another. */
 function slide(slider, ends, marks, limit = NaN) {
-  const place = (value) => `calc(10px + ${(value - slider.min) / (slider.max - slider.min)} * (100% - 20px))`; // of its thumb's middle
+  // where the middle of its thumb is
+  const place = (value) => `calc(10px + ${(value - slider.min) / (slider.max - slider.min)} * (100% - 20px))`;
   const inside = [...marks.map((value) => element("i", { style: `left: ${place(value)}` })),
     ...(limit > slider.min && limit < slider.max ? [element("i", { className: "limit", style: `left: ${place(limit)}` })] : [])];
   return element("div", { className: "slide" }, ends[0], element("div", {}, slider, ...inside), ends[1]);
@@ -955,7 +963,8 @@ function laneControl(lane, i) {
     rebuild();
   });
   const made = element("div", { className: "lane" }, choose, element("div", { className: "setting" },
-    element("label", { htmlFor: `step-${i}`, textContent: t("step [s]") }), box, slide(slider, [local(String(LEAST_STEP)), `${MOST_STEP} s`], [1e-4, 1e-3, 1e-2, 0.1, 1].map(place), limit > 0 ? place(limit) : NaN)),
+    element("label", { htmlFor: `step-${i}`, textContent: t("step [s]") }), box,
+    slide(slider, [local(String(LEAST_STEP)), `${MOST_STEP} s`], [1e-4, 1e-3, 1e-2, 0.1, 1].map(place), limit > 0 ? place(limit) : NaN)),
   element("p", { className: "hint", textContent: t("{}. {} Source: {}.", t(method.summary), words, method.source) }), remove);
   made.style.borderColor = lane.colour;
   return made;
