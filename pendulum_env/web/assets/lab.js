@@ -512,6 +512,9 @@ const PLOTTED = {
     drawLogarithm("distance", t("distance [°]"), (row) => Math.abs(row[1] - row[5]) * DEGREES, colour);
   },
   period(colour) {
+    const driven = Boolean(PAGE.scenes[lab.scene].beat); // then the drive decides
+    byId("plot-period").parentElement.hidden = driven;
+    if (driven) return;
     const seen = lab.lanes.flatMap((lane) => [Math.abs(lane.angle) * DEGREES, ...lane.swings.map(([angle]) => angle)]);
     const x = [0, around([0, ...seen], 10)[1]];
     const curves = finest().map((i) => ({ colour: colour("faint-ink"), alpha: 0.45, width: 4, points: periods(lab.lanes[i], Math.min(x[1], 175)) }));
@@ -531,11 +534,11 @@ const PLOTTED = {
   },
 };
 
-/** Periods without losses and drive up to an amplitude [degrees]: 2 pi / omega, over the arithmetic-geometric mean of 1 and
+/** Periods without losses up to an amplitude [degrees]: 2 pi / omega, over the arithmetic-geometric mean of 1 and
  * cos(amplitude / 2) where the force is that of the sine (Gauss 1799). */
 function periods(lane, most) {
   const { scale, inertia } = parametersOf(lab.scene, lane.values), omega = Math.sqrt(scale / inertia), found = [];
-  for (let i = 0; omega > 0 && i <= 60 && !PAGE.scenes[lab.scene].beat; i += 1) {
+  for (let i = 0; omega > 0 && i <= 60; i += 1) {
     let [one, other] = [1, PAGE.scenes[lab.scene].periodic ? Math.cos((i / 120) * (most / DEGREES)) : 1];
     for (let k = 0; k < 6; k += 1) [one, other] = [(one + other) / 2, Math.sqrt(one * other)];
     found.push([(i / 60) * most, (2 * Math.PI) / omega / one]);
