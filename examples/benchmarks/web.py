@@ -1,9 +1,11 @@
-"""Speed of the page: steps per second of every method in a browser beside compiled Python, and the script of a frame.
+"""Speed of the page: its first swing, steps per second of every method beside compiled Python, the script of a frame.
 
 Needs playwright (`pip install -e ".[test]"`) and a Chromium on the path. A browser computes 200 000 steps of `vacuum`
 in pieces of 500, with energies, Python as many in one compiled call; each number is the best of five. The frame has
 four pendulums and all plots at 1400 x 1000 pixels, drawn in software; the time is that of the scripts, mean and 95 % of
-300 in a row. In every frame a third of the plots is drawn.
+300 in a row, first as the page begins, then with ruler, protractor and all arrows. In every frame a quarter of the
+plots is drawn. The first swing is the first frame in which the pendulums have moved, since the navigation; median and
+largest of five.
 """
 
 from __future__ import annotations
@@ -49,6 +51,21 @@ DRAWN = """
   return times;
 }
 """
+MOVED = """
+(() => {
+  const look = () => {
+    if (globalThis.LabPendulum?.lab.time > 0) globalThis.moved = performance.now();
+    else requestAnimationFrame(look);
+  };
+  requestAnimationFrame(look);
+})();
+"""
+ALL_ON = """
+() => {
+  for (const box of document.querySelectorAll("#shown input")) if (!box.checked) box.click();
+  document.getElementById("restart").click();
+}
+"""
 LINK = "v=1&scene=driven&methods=rk4:0.01,velocity_verlet:0.01,dop853:0.02,gauss4:0.02&angle=2&velocity=0"
 
 
@@ -70,7 +87,17 @@ def main() -> None:
         file = write(Path(folder) / "lab.html")
         browser = driver.chromium.launch(executable_path=browser_file, args=["--no-sandbox", "--disable-gpu"])
         page = browser.new_context(viewport={"width": 1400, "height": 1000}, reduced_motion="reduce").new_page()
-        print(f"{describe()}, Chromium {browser.version}")
+        print(f"{describe()}, Chromium {browser.version}; the file has {file.stat().st_size / 1e3:.0f} kB")
+        moved = []
+        for _ in range(REPEATS):
+            first = browser.new_page(viewport={"width": 1400, "height": 1000})
+            first.add_init_script(MOVED)
+            first.goto(file.as_uri())
+            first.wait_for_function("globalThis.moved")
+            moved.append(first.evaluate("moved"))
+            first.close()
+        print(f"first swing: {statistics.median(moved) / 1e3:.2f} s after opening, largest of {REPEATS} "
+              f"{max(moved) / 1e3:.2f} s (goal 1 s)")
         page.goto(f"{file.as_uri()}#v=1&scene=vacuum&methods=rk4:0.01")
         page.wait_for_function("/checked \\(/.test(document.getElementById('check').textContent)")
         for method in SHOWN_METHODS:
@@ -80,9 +107,11 @@ def main() -> None:
         page.goto("about:blank")
         page.goto(f"{file.as_uri()}#{LINK}")
         page.wait_for_function("/checked \\(/.test(document.getElementById('check').textContent)")
-        times = sorted(page.evaluate(DRAWN, FRAMES))
-        print(f"script of a frame, four pendulums and all plots: mean {statistics.mean(times):.1f} ms, "
-              f"95 % below {times[int(0.95 * FRAMES)]:.1f} ms (goal 4 ms)")
+        for what in ("as it begins", "with ruler, protractor and all arrows"):
+            times = sorted(page.evaluate(DRAWN, FRAMES))
+            print(f"script of a frame, four pendulums and all plots, {what}: mean {statistics.mean(times):.1f} ms, "
+                  f"95 % below {times[int(0.95 * FRAMES)]:.1f} ms (goal 4 ms)")
+            page.evaluate(ALL_ON)
         browser.close()
 
 

@@ -44,7 +44,8 @@ ASSETS = Path(__file__).with_name("assets")
 """Folder of the page's layout, styles and scripts."""
 TEXTS = Path(__file__).with_name("texts")
 """Folder of the page's other languages: a file each, from the English of scripts and layout to that language."""
-SCRIPTS = ("machine.js", "elements.js", "languages.js", "drawing.js", "plots.js", "recording.js", "lab.js")
+SCRIPTS = ("machine.js", "elements.js", "languages.js", "drawing.js", "measuring.js", "plots.js",
+           "recording.js", "lab.js")
 """Scripts of the page, in the order in which they stand in it."""
 SHOWN_SCENES = ("exercise", "exercise_large", "lab", "vacuum", "driven", "chaotic", "kapitza")
 """Scenes of the page, unless others are asked for."""

@@ -432,7 +432,7 @@ def test_what_a_class_measures(small: Path) -> None:
         page = seen.page
         do(seen, "location.hash = 'v=1&scene=exercise&methods=rk4:0.01&angle=0.08'")
         page.wait_for_function("LabPendulum.lab.lanes.length === 1 && LabPendulum.lab.lanes[0].method === 'rk4'")
-        period = page.locator("#pendulums dd").last
+        period = page.locator("#pendulums .period + dd")
         page.click("#planet-x")
         hidden = do(seen, "LabPendulum.lab.lanes[0].values[2]")
         assert page.input_value("#setting-2") == ""
@@ -459,8 +459,28 @@ def test_what_a_class_measures(small: Path) -> None:
         do(seen, "LabPendulum.show()")
         swing = do(seen, "LabPendulum.lab.lanes[0].swing")
         assert swing == pytest.approx(4 * float(ellipk(math.sin(1.0) ** 2)) / SCENES["lab"].omega0, rel=2e-6)
+        page.fill("#angle", "90")
+        page.press("#angle", "Enter")
+        advance(seen, 5)
+        wanted = [4 * float(ellipk(math.sin(math.radians(degrees) / 2) ** 2)) for degrees in (math.degrees(2), 90.0)]
+        swings = do(seen, "LabPendulum.lab.lanes[0].swings")  # of both starts
+        assert swings[0] == pytest.approx([math.degrees(2), wanted[0] / SCENES["lab"].omega0], rel=1e-4)
+        assert swings[-1] == pytest.approx([90, wanted[1] / SCENES["lab"].omega0], rel=1e-4)
+        do(seen, "LabPendulum.show()")
+        last = re.search(r"; rk4 ([\d.]+)°, ([\d.]+) s$", page.get_attribute("#plot-period", "aria-label"))
+        assert last
+        assert [float(number) for number in last.groups()] == pytest.approx(swings[-1], rel=1e-4)
+        pale = do(seen, "LabPendulum.periods(LabPendulum.lab.lanes[0], 120)")
+        for degrees, seconds in pale:
+            longer = 4 * float(ellipk(math.sin(math.radians(degrees) / 2) ** 2))
+            assert seconds == pytest.approx(longer / SCENES["lab"].omega0, rel=1e-9)
+        page.fill("#setting-0", "0.5")
+        page.press("#setting-0", "Enter")
+        assert do(seen, "LabPendulum.lab.lanes[0].swings") == []
+        advance(seen, 1.1)
+        do(seen, "LabPendulum.show()")
         still = do(seen, "document.querySelector('#pendulums canvas').toDataURL()")
-        for name in ("velocity", "acceleration"):
+        for name in ("velocity", "acceleration", "force", "ruler", "protractor"):
             page.check(f"#show-{name}")
             assert still != (still := do(seen, "document.querySelector('#pendulums canvas').toDataURL()"))
         for axis, name in (("x", "time"), ("y", "potential"), ("y", "distance")):
@@ -554,11 +574,12 @@ WORDS_CUT = """() => {
 
 @pytest.mark.slow
 def test_no_word_is_cut_in_any_canvas(small: Path) -> None:
-    link = "v=1&scene=lab&methods=rk4:0.01{}&angle=0.5&velocity=0"
+    link = "v=1&scene=lab&methods=rk4:0.01{}&angle={}&velocity=0"
     with opened(small, reduced_motion="reduce") as seen:
-        for pendulums in (1, 2, 4):
-            do(seen, f"location.hash = {link.format(',forward_euler:0.01' * (pendulums - 1))!r}")
+        for pendulums, angle in ((1, 0.5), (2, 3.0), (4, 0.5)):
+            do(seen, f"location.hash = {link.format(',forward_euler:0.01' * (pendulums - 1), angle)!r}")
             seen.page.wait_for_function(f"LabPendulum.lab.lanes.length === {pendulums}")
+            do(seen, "Object.assign(LabPendulum.lab.shown, { force: true, ruler: true, protractor: true })")
             advance(seen, 2)
             for width in (280, 320, 360, 480, 600, 700, 840, 901, 1024, 1280, 1600):
                 seen.page.set_viewport_size({"width": width, "height": 800})
@@ -592,6 +613,7 @@ def test_the_page_fits_every_width(width: int, scheme: str, file: Path) -> None:
     with opened(file, viewport={"width": width, "height": 800}, color_scheme=scheme, reduced_motion="reduce") as seen:
         wait_for_check(seen)
         assert seen.page.inner_text("#play") == "Play"
+        do(seen, "document.querySelectorAll('#shown input').forEach((box) => box.checked || box.click())")
         for controls in (False, True):
             if width < 900:
                 seen.page.click("#tab-controls" if controls else "#tab-plots")

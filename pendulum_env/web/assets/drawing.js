@@ -38,8 +38,10 @@ function geometry(width, reach) {
   return { x: 0.5 * width, y: Math.max(0.1, 0.08 + 1.14 * length * above) * width, length: length * width };
 }
 
-/** Draw one pendulum. `lane` has machine, ghost, colour, energies if they are shown, and `share`, its length over that of
- * the longest; `reach` is the largest angle that any of the pendulums has reached [rad]. */
+/** Draw one pendulum; returns the context with the size of the picture and its geometry.
+ *
+ * `lane` has machine, ghost, colour, energies if they are shown, and `share`, its length over that of the longest; `reach` is
+ * the largest angle that any of the pendulums has reached [rad]. */
 function drawApparatus(canvas, lane, torque, reach, shown, colour) {
   const { context: c, width, height } = fitted(canvas, (wide) => 0.92 * wide + (lane.energies ? BAR : 0));
   const rest = geometry(width, lane.outline.length ? Math.PI : reach), length = rest.length * lane.share;
@@ -66,8 +68,9 @@ function drawApparatus(canvas, lane, torque, reach, shown, colour) {
     c.arc(x, y, 0.08 * width, 0.5 * Math.PI, 0.5 * Math.PI - 2.2 * torque, torque > 0);
     c.stroke();
   }
-  if (shown.velocity || shown.acceleration) arrows(c, lane, x, y, length, width, shown, colour);
+  if (shown.velocity || shown.acceleration || shown.force) arrows(c, lane, x, y, length, width, shown, colour);
   if (lane.energies) energyBar(c, lane, width, height, colour);
+  return { context: c, width, height, ...rest };
 }
 
 /** Draw the post and the arm that hold the sensor at (x, y), which a drive may move away from its rest. */
@@ -114,7 +117,7 @@ function dial(c, width, x, y, length, reach, colour) {
     c.lineTo(x + inner * sin, y + inner * cos);
     c.stroke();
     const [u, v] = [x + (radius + 17) * sin, y + (radius + 10) * cos];
-    if (degrees % numbered === 0 && width > 110 && degrees !== -90 && u > 0.07 * width + 12 && u < width - 16) {
+    if (degrees % numbered === 0 && width > 110 && degrees !== -90 && u > 0.07 * width + 12 && u < width - 16 && v > 7) {
       c.fillText(`${degrees}°`.replace("-", "−"), u, v);
     }
   }
@@ -142,13 +145,19 @@ function trail(c, lane, x, y, length, width) {
   c.globalAlpha = 1;
 }
 
-/** Draw arrows of velocity and acceleration at the bob, each as long as its size over the largest of this run. */
+/** Draw arrows of velocity, acceleration and forces at the bob, each as long as its size over the largest of this run.
+ * Of the forces, one is the weight and one the sum of all others, most of it the pull of the suspension. */
 function arrows(c, lane, x, y, length, width, shown, colour) {
   if (lane.outline.length) return;
   const { angle } = lane.machine.last, [sin, cos] = [Math.sin(angle), Math.cos(angle)];
   const [u, v] = [x + length * sin, y + length * cos];
   const wanted = [["velocity", [lane.motion.velocity, 0], lane.motion.fastest, colour("torque")],
     ["acceleration", [lane.motion.tangential, lane.motion.central], lane.motion.strongest, colour("warning")]];
+  if (shown.force && lane.motion.heaviest > 0) {
+    const scale = (0.16 * width) / lane.motion.heaviest;
+    arrow(c, u, v, 0, scale * lane.motion.weight, colour("ink"));
+    arrow(c, u, v, scale * lane.motion.pull[0], scale * lane.motion.pull[1], colour("ink"));
+  }
   for (const [name, [along, inward], largest, tone] of wanted) {
     if (!shown[name] || !(largest > 0)) continue;
     const scale = (0.24 * width) / largest;
@@ -173,14 +182,17 @@ function arrow(c, x, y, dx, dy, tone) {
   c.fill();
 }
 
+/** How far the parts of a rigid body reach from the pivot [m]. */
+function extent(outline) {
+  return Math.max(...outline.map(([kind, one, two, half]) => Math.max(Math.abs(one), Math.abs(two)) + (kind === "bar" ? 0 : half)));
+}
+
 /** Draw suspension and bob, or the parts of a rigid body to scale, at an angle [rad]. */
 function bob(c, x, y, length, angle, width, lane, tone, colour, strength) {
   const [sin, cos] = [Math.sin(angle), Math.cos(angle)];
   c.globalAlpha = strength;
   if (lane.outline.length) {
-    const far = Math.max(...lane.outline.map(([kind, one, two, half]) => Math.max(Math.abs(one), Math.abs(two))
-      + (kind === "bar" ? 0 : half)));
-    const scale = length / far, mixed = lane.outline.some(([kind]) => kind !== "bar");
+    const scale = length / extent(lane.outline), mixed = lane.outline.some(([kind]) => kind !== "bar");
     for (const [kind, one, two, half] of lane.outline) {
       c.beginPath();
       if (kind === "bar") {
@@ -198,7 +210,7 @@ function bob(c, x, y, length, angle, width, lane, tone, colour, strength) {
     c.globalAlpha = 1;
     return;
   }
-  const radius = Math.min(0.06 * width, Math.max(0.022 * width, (lane.radius / lane.reach) * length));
+  const radius = Math.min(0.06 * width, Math.max(0.022 * width, 4, (lane.radius / lane.reach) * length));
   c.strokeStyle = strength < 1 ? tone : colour(lane.suspension === "wire" ? "wire" : "steel");
   c.lineWidth = lane.suspension === "wire" ? 1.5 : 4;
   c.beginPath();

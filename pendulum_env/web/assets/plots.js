@@ -83,7 +83,8 @@ function drawPlot(canvas, plot, colour) {
     c.lineWidth = curve.width ?? 1.5;
     c.setLineDash(curve.dash ?? []);
     if (curve.dots) {
-      for (const [x, y] of curve.points) c.fillRect(at(x) - 1, up(y) - 1, 2, 2);
+      const size = curve.width ?? 2;
+      for (const [x, y] of curve.points) c.fillRect(at(x) - size / 2, up(y) - size / 2, size, size);
       continue;
     }
     c.beginPath();
