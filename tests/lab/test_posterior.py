@@ -352,7 +352,7 @@ def test_it_is_as_wide_as_errors_that_allow_for_correlation() -> None:
 # --- the chain --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.quick("0.5")
+@pytest.mark.slow
 @pytest.mark.parametrize("rho", [0.0, 0.5, 0.9])
 def test_autocorrelation_times_against_a_closed_form(rho: float) -> None:
     """An autoregressive chain has the time ``(1 + rho) / (1 - rho)``."""

@@ -97,7 +97,7 @@ def test_a_degree_sign_is_a_ring(size: int) -> None:
     assert rows[0] == np.flatnonzero(mask("0", size).max(axis=1) > 127)[0]
 
 
-@pytest.mark.quick("curves0-energy", "curves0-history", "curves1-apparatus")
+@pytest.mark.quick("curves0-history")
 @pytest.mark.parametrize("name", PANELS)
 @pytest.mark.parametrize("curves", [CURVES, WORDY])
 def test_texts_of_a_panel_of_any_area_neither_overlap_nor_leave_it(

@@ -19,6 +19,7 @@ import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from threading import Event
 
 import numpy as np
 from numpy.typing import NDArray
@@ -301,7 +302,13 @@ def solve_all(
     def tell(fraction: float, what: str) -> None:
         progress((len(solutions) + fraction) / len(models), what)
 
-    def fitted(i: int, tell: Progress | None = None) -> FitSolution:
+    stopped = Event()
+
+    def goes_on(_done: float, _what: str) -> None:
+        if stopped.is_set():
+            raise KeyboardInterrupt
+
+    def fitted(i: int, tell: Progress = goes_on) -> FitSolution:
         """Return the solution of one model; it starts from the leader's, if there is one."""
         model = models[i]
         start = measured.start(model)
@@ -315,9 +322,13 @@ def solve_all(
         solutions[i] = fitted(i, tell)
         leader = None if solutions[i].lost else solutions[i]
     with ThreadPoolExecutor(cores()) as beside:  # no model waits for another: compiled runs hold no lock of Python's
-        for i, solution in zip(order, beside.map(fitted, order), strict=True):
-            solutions[i] = solution
-            tell(0.0, models[i].title)
+        try:
+            for i, solution in zip(order, beside.map(fitted, order), strict=True):
+                solutions[i] = solution
+                tell(0.0, models[i].title)
+        except BaseException:  # Ctrl-C, or an error: the other models end soon, too
+            stopped.set()
+            raise
     for i in sorted(solutions, key=lambda i: len(models[i].numbers)):
         for j, simpler in enumerate(models):
             if set(simpler.damping) < set(models[i].damping) and _worse(solutions[i], solutions[j]):
