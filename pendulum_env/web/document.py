@@ -63,9 +63,10 @@ TORQUES, STEPS = (0.0, 0.5, -1.0, 0.25, 1.0, -0.125), 40
 NUMBER = 1.10001
 """First of the numbers that mark the places of coefficients while an equation is written."""
 DESCRIBED = {
-    "diverged": "its numbers are no longer finite, an implicit step had no solution, or its energy balance is absurd: "
-                "the step is too long",
-    "slack": "the wire is slack: the bob would fly freely", "step_too_short": "no step is short enough",
+    "diverged": "its energy is absurd, its numbers are no longer finite, or an implicit step had no solution; with "
+                "shorter steps it lasts longer",
+    "slack": "the wire is slack, and the bob would fly freely; begin at a smaller angle, or take a scene with a rod",
+    "step_too_short": "no step is short enough",
 }
 """Stop reason -> what the page says of it."""
 

@@ -288,6 +288,25 @@ def test_a_pendulum_that_diverges_leaves_the_others_running(file: Path) -> None:
 
 
 @pytest.mark.slow
+def test_a_stop_adds_to_what_is_said_and_moves_no_button_of_a_phone(file: Path) -> None:
+    now = """(LabPendulum.show(), [document.querySelector("#play").getBoundingClientRect().top,
+        document.querySelector("#message").textContent, document.querySelector("dt.period + dd").textContent])"""
+    with opened(file, reduced_motion="reduce", viewport={"width": 390, "height": 844}) as seen:
+        begun = do(seen, now)
+        do(seen, "location.hash = 'v=1&scene=exercise&methods=forward_euler:0.02,rk4:0.01&angle=1&velocity=0'")
+        seen.page.wait_for_function("LabPendulum.lab.lanes.length === 2")
+        advance(seen, 3.0)
+        warned = do(seen, now)
+        advance(seen, 400)
+        stopped = do(seen, now)
+    assert begun[1] == ""
+    assert "for small angles only" in warned[1]
+    assert stopped[1].startswith(warned[1] + " forward Euler stopped at ")
+    assert {begun[0], warned[0]} == {stopped[0]}
+    assert (warned[2].endswith(" s"), stopped[2]) == (True, "\N{EN DASH}")
+
+
+@pytest.mark.slow
 def test_poincare_points_are_the_states_after_whole_periods(file: Path) -> None:
     """Beside DOP853 with two hundred steps a period; the page's step divides no period."""
     link = "v=1&scene=driven&methods=dop853:0.013&angle=0.5&velocity=1"

@@ -111,7 +111,7 @@ class WithFinger:
             if at["free"]:
                 return at["x"], at["y"]
             width, height = (self.ask(f"inner{side}") for side in ("Width", "Height"))
-            x, y, step = 0.97 * width, 0.62 * height, 0.15 * height
+            x, y, step = width - 4, 0.62 * height, 0.15 * height  # beside all sliders
             self.move((x, y), *((x, y + (step if at["above"] else -step) * part / 4) for part in (1, 2, 3, 4)))
         raise AssertionError(f"{name} cannot be reached")
 

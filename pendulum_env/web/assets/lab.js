@@ -10,7 +10,7 @@ const SMALL = 20; // largest start angle at which nothing is said of small angle
 
 const lab = {
   scene: Object.keys(PAGE.scenes)[0], lanes: [], chosen: -1, playing: true, speed: 1, time: 0, torque: 0, reach: 0.2,
-  shown: { trail: true, velocity: false, acceleration: false, force: false, ruler: false, protractor: false },
+  note: "", shown: { trail: true, velocity: false, acceleration: false, force: false, ruler: false, protractor: false },
   tools: null, watch: null, secret: false, recording: PAGE.recording, checked: null,
   pushed: false, drawn: 0,
 };
@@ -200,8 +200,10 @@ class Lane {
 
   end(code) {
     const info = this.machine.last;
-    this.ended = t("{} stopped at {} s: {}.", this.name, info.time.toFixed(2), t(PAGE.stops[code] ?? "its numbers are no longer finite"));
-    byId("message").textContent = lab.lanes.map((lane) => lane.ended).filter(Boolean).join(" ");
+    this.ended = t("at {} s: {}", info.time.toFixed(2), t(PAGE.stops[code] ?? "its numbers are no longer finite"));
+    const ends = new Set(lab.lanes.map((lane) => lane.ended).filter(Boolean)); // one sentence for all that end alike
+    say([lab.note, ...[...ends].map((how) => t("{} stopped {}.", lab.lanes.filter((lane) => lane.ended === how)
+      .map((lane) => lane.name).join(", "), how))].filter(Boolean).join(" "));
   }
 }
 
@@ -246,9 +248,10 @@ function restart() {
   const apart = recorded !== 0 && starts.some((degrees) => Math.abs(recorded - degrees)
     > 0.1 * Math.max(Math.abs(recorded), Math.abs(degrees)));
   const large = Object.keys(PAGE.scenes).find((name) => PAGE.scenes[name].periodic);
-  say([small ? t("This scene's force grows with the angle itself, which is right for small angles only.") : "",
+  lab.note = [small ? t("This scene's force grows with the angle itself, which is right for small angles only.") : "",
     small && large ? t("Large ones: choose the scene {}.", large.replaceAll("_", " ")) : "",
-    apart ? t("The recording begins at {}°: type it as the start angle to compare.", short6(recorded)) : ""].filter(Boolean).join(" "));
+    apart ? t("The recording begins at {}°: type it as the start angle to compare.", short6(recorded)) : ""].filter(Boolean).join(" ");
+  say(lab.note);
   lab.reach = 0.2; // the largest angle of any pendulum so far, at least so much [rad]; the picture has room for it
   for (const lane of lab.lanes) lane.start();
   const longest = longestOf(); // parts of a rigid body are drawn as they are
@@ -370,7 +373,7 @@ function fillLedger(lane, places) {
   const { heat, work, residual } = lane.energies, share = (100 * residual) / lane.reference;
   const texts = { kinetic: joules(lane.energies.kinetic), potential: joules(lane.energies.potential), heat: joules(heat), work: joules(work),
     error: `${residual > 0 ? "+" : ""}${joules(residual)}`, share: `(${percent(share)})`,
-    period: Number.isFinite(lane.swing) ? local(`${lane.swing.toPrecision(5)} s`) : "–" };
+    period: Number.isFinite(lane.swing) && !lane.ended ? local(`${lane.swing.toPrecision(5)} s`) : "–" };
   for (const name of ["ruler", "protractor"]) {
     places[name].parentElement.hidden = !lab.shown[name];
     if (lab.shown[name]) texts[name] = reading(name, lane);
@@ -671,7 +674,9 @@ function makeControls() {
         : place.motor ? "" : t("Nothing.") })]));
   }
   byId("whose").replaceChildren(...(lab.lanes.length < 2 ? [] : ["all", ...lab.lanes.map((_, i) => String(i + 1))]).map(whoseButton));
-  byId("add").disabled = lab.lanes.length >= PAGE.most;
+  const full = lab.lanes.length >= PAGE.most;
+  byId("add").disabled = full;
+  byId("add").textContent = full ? t("{} pendulums at most", PAGE.most) : t("Add a pendulum");
   recolour();
   byId("lanes").replaceChildren(...lab.lanes.map(laneControl));
   byId("tools").replaceChildren(...Object.keys(TOOLS).map(toolControl));
@@ -785,8 +790,10 @@ function slide(slider, ends, marks, limit = NaN) {
 
 function settingControl(setting, i) {
   const id = `setting-${i}`, usual = setting.value;
+  const ends = setting.name === "gravity" ? [1, 50] : [usual / 5, 5 * usual]; // from the Moon to Jupiter and beyond
+  const [first, last] = ends.map((value) => (usual > 0 ? Math.log(value / usual) / Math.log(5) : 0).toFixed(2));
   const box = element("input", { type: "number", step: "any", inputmode: "decimal", id, value: String(lead().values[i]) });
-  const slider = element("input", { type: "range", min: "-1", max: "1", step: "0.01", id: `${id}-slider`,
+  const slider = element("input", { type: "range", min: first, max: last, step: "0.01", id: `${id}-slider`,
     "aria-label": t("{}, slider", t(setting.label)), "aria-valuetext": `${lead().values[i]}${setting.unit === "1" ? "" : ` ${setting.unit}`}` });
   slider.value = String(usual > 0 && lead().values[i] > 0 ? Math.log(lead().values[i] / usual) / Math.log(5) : 0);
   const unit = setting.unit === "1" ? "" : ` [${setting.unit}]`;
@@ -823,9 +830,9 @@ function settingControl(setting, i) {
       });
       return made;
     }), secretButton(take))];
-  const ends = [usual / 5, 5 * usual].map((value) => local(String(Number(value.toPrecision(2)))));
-  return element("div", { className: "setting" }, label, box, ...(usual > 0 ? [slide(slider, ends, [0])] : []), ...planets,
-    ...(secret ? [element("p", { className: "hint", textContent: t("Measure a period: it tells the gravity.") })] : []));
+  const said = ends.map((value) => local(String(Number(value.toPrecision(2)))));
+  return element("div", { className: "setting" }, label, box, ...(usual > 0 ? [slide(slider, said, [0])] : []), ...planets,
+    ...(secret ? [element("p", { className: "hint", textContent: t("Measure the period T of a small swing: g = 4 π² L / T².") })] : []));
 }
 
 /** A button that lands on a planet whose gravity is not told until it is asked for. */
@@ -1259,7 +1266,7 @@ async function begin() {
   for (const name of PLOTS) {
     const canvas = element("canvas", { id: `plot-${name}`, role: "img" });
     byId("plots").append(element("figure", {}, element("figcaption"),
-      ...(name === "free" ? [element("div", { className: "row" }, axes[1], " · ", axes[0])] : []), canvas));
+      ...(name === "free" ? [element("div", { className: "row" }, axes[1], t(" against "), axes[0])] : []), canvas));
   }
   for (const name of Object.keys(lab.shown)) {
     const box = element("input", { type: "checkbox", id: `show-${name}`, checked: lab.shown[name] });
