@@ -1,4 +1,4 @@
-"""The languages of the report: one table of texts each, ``texts/en.json`` and so on, and the form of its numbers.
+"""The languages of the report: the texts of each, and the form of its numbers.
 
 A table holds the sign between a number's whole part and its decimals, the labels of the figures, and the sentences of
 the report. In a sentence ``{name}`` is a value that the report sets in, and an equation stands between dollar signs, as
@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from pendulum_env.common.checks import one_of
+from pendulum_env.common.languages import WORDS, tables
 from pendulum_env.common.mathml import mathml
 from pendulum_env.lab.measures import Measurement
 from pendulum_env.plots.style import Rewritten, plain
@@ -27,9 +28,9 @@ if TYPE_CHECKING:
     from markupsafe import Markup
 
 TEXTS = Path(__file__).with_name("texts")
-"""Folder of the page's templates, of the tables of texts, and of the templates of the programs."""
-LANGUAGES = tuple(sorted(path.stem for path in TEXTS.glob("*.json")))
-"""Codes of the languages that have a table."""
+"""Folder of the report's templates, and of those of the programs."""
+LANGUAGES = tuple(tables())
+"""Codes of the languages that have a file."""
 ENGLISH = "en"
 """Language of a report for which none is chosen."""
 POINT = re.compile(r"(?<=\d)\.(?=\d)")
@@ -92,7 +93,7 @@ class Language:
 def language_of(code: str) -> Language:
     """Return the texts of a language by its code; SceneError that lists the languages if there is no such one."""
     one_of(code, "language of the report", LANGUAGES)
-    return _read(TEXTS / f"{code}.json")
+    return _read(WORDS / f"{code}.json")
 
 
 @cache

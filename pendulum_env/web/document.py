@@ -22,6 +22,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from integrators import METHODS, Method, analysis, get
+from pendulum_env.common.languages import tables
 from pendulum_env.common.progress import Progress, told_by, with_bar
 from pendulum_env.common.replacing import replacing
 from pendulum_env.common.version import __version__
@@ -42,8 +43,6 @@ from pendulum_env.web.links import LONGEST, MOST_PENDULUMS, NUMBER_FORM, SHORTES
 
 ASSETS = Path(__file__).with_name("assets")
 """Folder of the page's layout, styles and scripts."""
-TEXTS = Path(__file__).with_name("texts")
-"""Folder of the page's other languages: a file each, from the English of scripts and layout to that language."""
 SCRIPTS = ("machine.js", "elements.js", "languages.js", "drawing.js", "measuring.js", "plots.js",
            "recording.js", "lab.js")
 """Scripts of the page, in the order in which they stand in it."""
@@ -130,7 +129,7 @@ def page(
         "number": NUMBER_FORM, "shortest": SHORTEST, "longest": LONGEST,
         "stops": {code: DESCRIBED.get(name, name) for code, name in STOP_REASONS.items()},
         "first": [name for name in FIRST if name in {method.name for method in methods}] or [methods[0].name],
-        "texts": {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in sorted(TEXTS.glob("*.json"))},
+        "texts": {code: words["page"] for code, words in tables().items() if "page" in words},
         "recording": None if recording is None else readings(recording),
         "check": {"torques": TORQUES, "steps": STEPS},
     }

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 from pathlib import Path
 
 import pytest
@@ -12,6 +11,7 @@ from matplotlib.text import Text
 from typer.testing import CliRunner
 
 from pendulum_env.cli import app
+from pendulum_env.common.languages import tables
 from pendulum_env.exercise import language, report
 from pendulum_env.exercise.figures import Labels, figures_of
 from pendulum_env.exercise.given import Given, by_hand
@@ -139,11 +139,10 @@ def test_all_german_figures_fit(worked: Worked) -> None:
 
 
 def test_a_third_language_is_one_file(worked: Worked, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    shutil.copytree(language.TEXTS, tmp_path / "texts")
-    table = json.loads((tmp_path / "texts" / "en.json").read_text(encoding="utf-8"))
+    table = tables()["en"]
     table["report"] |= {"heading": "Les méthodes d'intégration numérique : le pendule"}
-    (tmp_path / "texts" / "fr.json").write_text(json.dumps({**table, "decimal": ","}), encoding="utf-8")
-    monkeypatch.setattr(language, "TEXTS", tmp_path / "texts")
+    (tmp_path / "fr.json").write_text(json.dumps({**table, "decimal": ","}), encoding="utf-8")
+    monkeypatch.setattr(language, "WORDS", tmp_path)
     monkeypatch.setattr(language, "LANGUAGES", (*LANGUAGES, "fr"))
     page = rendered(worked, "fr")
     assert '<html lang="fr"' in page

@@ -7,6 +7,7 @@ import re
 from html.parser import HTMLParser
 
 import pendulum_env.web.document as document
+from pendulum_env.common import languages
 
 SAID = re.compile(r'\bt\("((?:[^"\\]|\\.)*)"')
 CAPTION = re.compile(r'^  \w+: "([^"]+)",$', re.M)
@@ -63,4 +64,4 @@ def sentences() -> set[str]:
 
 def tables() -> dict[str, dict[str, str]]:
     """Return the page's languages: code -> table from English."""
-    return {path.stem: json.loads(path.read_text(encoding="utf-8")) for path in sorted(document.TEXTS.glob("*.json"))}
+    return {code: words["page"] for code, words in languages.tables().items() if "page" in words}
