@@ -17,16 +17,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from threading import Event
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from pendulum_env.common.progress import Progress, told_by
-from pendulum_env.engine.threads import cores
 from pendulum_env.lab.fitting import core
 from pendulum_env.lab.fitting.core import search
 from pendulum_env.lab.fitting.model import (
@@ -286,49 +283,30 @@ def solve_all(
     ``measured`` has the turning points and the period of the swing, and ``sigma`` is the error of a reading. In a long
     recording, the search takes every n-th reading only, and a refit from its solution takes all readings.
 
-    The model with the most dampings is fitted first, from measured starting values. The others, fitted in threads, take
-    the start, the zero and the free parameters of the scene from its solution, and their damping from the envelope. A
-    model that fits worse than a simpler model it contains is fitted again from the simpler model's solution.
+    The model with the most dampings is fitted first, from measured starting values. The others take the start, the zero
+    and the free parameters of the scene from its solution, and their damping from the envelope. A model that fits worse
+    than a simpler model it contains is fitted again from the simpler model's solution.
     """
     weights = np.full(len(swing.time), sigma)
     last = int(np.searchsorted(swing.time, measured.points.time[-1]))
     step = float(np.median(np.diff(swing.time)))
     every = min(len(swing.time) // SEARCHED, int(measured.period / step / LEAST_SEEN))
     every = every if every >= WORTH else 1
-    order = sorted(range(len(models)), key=lambda i: -len(models[i].numbers))
     solutions: dict[int, FitSolution] = {}
     leader: FitSolution | None = None
+    for done, i in enumerate(sorted(range(len(models)), key=lambda i: -len(models[i].numbers))):
 
-    def tell(fraction: float, what: str) -> None:
-        progress((len(solutions) + fraction) / len(models), what)
+        def tell(fraction: float, what: str, done: int = done) -> None:
+            progress((done + fraction) / len(models), what)
 
-    stopped = Event()
-
-    def goes_on(_done: float, _what: str) -> None:
-        if stopped.is_set():
-            raise KeyboardInterrupt
-
-    def fitted(i: int, tell: Progress = goes_on) -> FitSolution:
-        """Return the solution of one model; it starts from the leader's, if there is one."""
         model = models[i]
         start = measured.start(model)
         if leader is not None:
             start = _with(start, model, leader, (*START, *model.free))
         dry = any(DAMPINGS[name].dry for name in model.damping)
-        return solve(model, swing.readings, weights, start, tell, pause=last if dry else 0, every=every)
-
-    while order and leader is None:
-        i = order.pop(0)
-        solutions[i] = fitted(i, tell)
-        leader = None if solutions[i].lost else solutions[i]
-    with ThreadPoolExecutor(cores()) as beside:  # no model waits for another: compiled runs hold no lock of Python's
-        try:
-            for i, solution in zip(order, beside.map(fitted, order), strict=True):
-                solutions[i] = solution
-                tell(0.0, models[i].title)
-        except BaseException:  # Ctrl-C, or an error: the other models end soon, too
-            stopped.set()
-            raise
+        solutions[i] = solve(model, swing.readings, weights, start, tell, pause=last if dry else 0, every=every)
+        if leader is None and not solutions[i].lost:
+            leader = solutions[i]
     for i in sorted(solutions, key=lambda i: len(models[i].numbers)):
         for j, simpler in enumerate(models):
             if set(simpler.damping) < set(models[i].damping) and _worse(solutions[i], solutions[j]):
