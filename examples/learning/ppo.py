@@ -1,10 +1,14 @@
-"""Train PPO on hundreds of pendulums at once until it swings up and balances: ``python examples/learning/ppo.py``.
+"""Train PPO on 64 pendulums at once until it has solved a task: ``python examples/learning/ppo.py agents.jsonl``.
 
 Needs ``pip install ".[jax]" optax``. All of proximal policy optimisation (Schulman et al. 2017, arXiv:1707.06347) is in
 this file. The environments are the compiled vector of ``gym.make_vec``; with ``--twin`` they, too, are JAX's, so that a
-round of steps and what is learnt from it is one program. Four choices make the swing-up easy for it:
+round of steps and what is learnt from it is one program. For each seed a line of JSON goes into the file, and the policy,
+for ``pendulum_env.controllers.load``, into the folder of ``--policies``. A seed that has a line is not trained again.
 
-- advantages look a swing ahead: TRACE = 0.98 weighs the rewards of the next 40 steps, 0.8 s. With the usual 0.95, 0.35 s,
+Solved means: the mean return of 100 episodes that were not trained on is at most 5 % below that of the controller
+``swing_up``, and all end upright. Four choices make the swing-up easy for PPO:
+
+- advantages look a swing ahead: TRACE = 0.99 weighs the rewards of the next 67 steps, 1.3 s. With the usual 0.95, 0.35 s,
   the policy may learn to stand still: to swing back costs reward before it earns any;
 - the mean action is bounded by tanh: actions are cut to [-1, 1], and an unbounded mean drifts to where nothing that is
   tried makes a difference;
@@ -14,7 +18,10 @@ round of steps and what is learnt from it is one program. Four choices make the 
 """
 
 import argparse
+import json
+import platform
 import time
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
@@ -24,20 +31,26 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 
+import pendulum_env
 import pendulum_env.jax as twin
-from pendulum_env.controllers import swing_up
+from pendulum_env.controllers import Policy, evaluate, swing_up
 
-ENVIRONMENTS, STEPS, EPOCHS, PARTS = 256, 64, 4, 8  # a round: 256 x 64 steps, used 4 times in 8 parts
+ENVIRONMENTS, STEPS, EPOCHS, PARTS = 64, 128, 8, 8  # a round: 64 x 128 steps, used 8 times in 8 parts
 DISCOUNT, TRACE, CLIP, DIVERGENCE = 0.995, 0.99, 0.2, 0.01  # gamma, lambda, of PPO; change of the policy by a part
 UNITS, HELD, RATE = 64, 8, 3e-3  # of a layer; steps with the same noise; largest learning rate
 LEAST_NOISE, MOST_NOISE = -2.5, -1.5  # logarithms of the noise of a weight
 OPTIMISER = optax.chain(optax.clip_by_global_norm(5.0), optax.scale_by_adam(eps=1e-5))
-SCALE, REWARD = np.array([1.0, 1.0, 0.1], np.float32), 0.01  # of the observation, of the reward
+ROUNDS, OFTEN = 150, 5  # rounds at most, and after how many the policy is judged
+REWARDS = {"swing_up": 0.01, "balance": 0.1, "track": 1.0}  # by task: factor that makes values a few units large
+JUDGED, TRIED = 10**6, 2 * 10**6  # seeds of the first of the episodes that the line is about, and of those that end it
+
+VERSIONS = {"python": platform.python_version(), "lab-pendulum": pendulum_env.__version__, "numpy": np.__version__,
+            "jax": jax.__version__, "optax": optax.__version__}
 
 
-def network(key, last):
+def network(key, inputs, last):
     """Return weights of two hidden layers; ``last`` is the size of the last layer's."""
-    sizes = ((3, UNITS, 2**0.5), (UNITS, UNITS, 2**0.5), (UNITS, 1, last))
+    sizes = ((inputs, UNITS, 2**0.5), (UNITS, UNITS, 2**0.5), (UNITS, 1, last))
     return [(jax.nn.initializers.orthogonal(size)(one, (rows, columns)), jnp.zeros(columns))
             for one, (rows, columns, size) in zip(jax.random.split(key, 3), sizes, strict=True)]
 
@@ -59,6 +72,7 @@ def policy(agent, x):
 
 
 def log_density(agent, x, action):
+    """Return the logarithm of the probability density of actions, without its constant."""
     mean, _, deviation = policy(agent, x)
     return -0.5 * ((action - mean) / deviation)**2 - jnp.log(deviation)
 
@@ -84,6 +98,7 @@ def advantages(agent, seen, after, rewards, lost, over):
 
 
 def loss(agent, part):
+    """Return PPO's loss of the policy and the value, and how far the policy has changed (a divergence)."""
     x, action, before, advantage, returned = part
     change = log_density(agent, x, action) - before
     ratio = jnp.exp(change)
@@ -93,7 +108,7 @@ def loss(agent, part):
     return error - gain, (ratio - 1.0 - change).mean()
 
 
-def trained(agent, memory, key, largest, seen, after, actions, rewards, lost, over):
+def learnt(agent, memory, key, largest, seen, after, actions, rewards, lost, over):
     """Return the agent, and the optimiser's state and rate, after a round, given as arrays of (steps, environments).
 
     The rate of Adam falls where a part changes the policy by more than twice DIVERGENCE, and grows below
@@ -120,119 +135,132 @@ def trained(agent, memory, key, largest, seen, after, actions, rewards, lost, ov
 class Vector:
     """Rounds of steps of the compiled vector; what is learnt from them is computed by JAX."""
 
-    def __init__(self, seed):
-        self.env = gym.make_vec("LabPendulum-v0", ENVIRONMENTS, diagnostics=(), autoreset_mode="SameStep")
+    def __init__(self, name, seed, keywords):
+        self.env = gym.make_vec(name, ENVIRONMENTS, diagnostics=(), autoreset_mode="SameStep", **keywords)
+        self.task = self.env.unwrapped.task.name
         self.seen, _ = self.env.reset(seed=seed)
+        self.inputs, length = self.seen.shape[1], self.env.unwrapped.max_episode_steps
         source = np.random.default_rng(seed)
-        begins = source.integers(0, 500, ENVIRONMENTS)  # the step at which the first episode of each begins
-        for step in range(500):
+        begins = source.integers(0, length, ENVIRONMENTS)  # the step at which the first episode of each begins
+        for step in range(length):
             self.seen, *_ = self.env.step(source.uniform(-1.0, 1.0, (ENVIRONMENTS, 1)).astype(np.float32))
             if (begins == step).any():
                 self.seen, _ = self.env.reset(options={"reset_mask": begins == step})
-        self.learn = jax.jit(trained)
+        self.learn = jax.jit(learnt)
 
-    def round(self, agent, memory, key, largest):
+    def round(self, agent, memory, key, largest, scale, reward_scale):
         rows, keys = [], jax.random.split(key, STEPS // HELD + 1)
         for step in range(STEPS):
             if step % HELD == 0:
                 drawn = jax.random.normal(keys[step // HELD], (ENVIRONMENTS, UNITS))
-            seen, action = SCALE * self.seen, np.asarray(acted(agent, SCALE * self.seen, drawn))
+            seen, action = scale * self.seen, np.asarray(acted(agent, scale * self.seen, drawn))
             self.seen, reward, lost, late, infos = self.env.step(action.clip(-1.0, 1.0)[:, None])
             after, over = self.seen.copy(), lost | late
             for i in np.flatnonzero(over):
                 after[i] = infos["final_obs"][i]
-            rows.append((seen, SCALE * after, action, np.float32(REWARD * reward), np.float32(lost), np.float32(over)))
+            rows.append((seen, scale * after, action, *map(np.float32, (reward_scale * reward, lost, over))))
         return self.learn(agent, memory, keys[-1], largest, *(np.stack(x) for x in zip(*rows, strict=True)))
 
 
 class Twin:
     """Rounds of steps of the twin in JAX, and what is learnt from them, as one program."""
 
-    def __init__(self, seed):
-        self.env = twin.LabPendulum(task="swing_up", diagnostics=()).gymnax(split=True)
+    def __init__(self, name, seed, keywords):
+        spec = gym.spec(name)
+        self.env = twin.LabPendulum(**{"diagnostics": (), **spec.kwargs, **keywords}).gymnax(split=True)
+        self.task = self.env.env.task.name
         key, *keys = jax.random.split(jax.random.key(seed), ENVIRONMENTS + 1)
         self.now = jax.vmap(self.env.reset)(jnp.stack(keys))
-        begins = jax.random.randint(key, (ENVIRONMENTS,), 0, 500)
+        self.inputs = self.now[0].shape[1]
+        begins = jax.random.randint(key, (ENVIRONMENTS,), 0, spec.max_episode_steps)
         object.__setattr__(self.now[1], "time", begins)  # episodes that begin in their midst end sooner
 
-    def round(self, agent, memory, key, largest):
-        agent, memory, self.now = self._round(agent, memory, self.now, key, largest)
+    def round(self, agent, memory, key, largest, scale, reward_scale):
+        agent, memory, self.now = self._round(agent, memory, self.now, key, largest, scale, reward_scale)
         return agent, memory
 
     @partial(jax.jit, static_argnums=0)
-    def _round(self, agent, memory, now, key, largest):
+    def _round(self, agent, memory, now, key, largest, scale, reward_scale):
         def step(carry, key):
             (observation, state), drawn, count = carry
             own, new = jax.random.split(key)
             fresh = jax.random.normal(new, (ENVIRONMENTS, UNITS))
             drawn = jnp.where(count % HELD == 0, fresh, drawn)
-            seen = SCALE * observation
+            seen = scale * observation
             action = acted(agent, seen, drawn)
             observation, state, reward, lost, late, info = jax.vmap(self.env.step)(
                 jax.random.split(own, ENVIRONMENTS), state, action.clip(-1.0, 1.0)[:, None])
             over = lost | late
-            after = SCALE * jnp.where(over[:, None], info["final_observation"], observation)
-            row = seen, after, action, REWARD * reward, lost.astype(float), over.astype(float)
+            after = scale * jnp.where(over[:, None], info["final_observation"], observation)
+            row = seen, after, action, reward_scale * reward, lost.astype(float), over.astype(float)
             return ((observation, state), drawn, count + 1), row
 
         key, last = jax.random.split(key)
         begin = now, jnp.zeros((ENVIRONMENTS, UNITS)), 0
         (now, *_), rows = jax.lax.scan(step, begin, jax.random.split(key, STEPS))
-        return *trained(agent, memory, last, largest, *rows), now
+        return *learnt(agent, memory, last, largest, *rows), now
 
 
-def played(env, choose, seed):
-    """Return the mean return of an episode of each environment, and the number that end upright, within 0.2 rad."""
-    seen, _ = env.reset(seed=seed)
-    total = np.zeros(env.num_envs)
-    for _ in range(500):
-        seen, reward, *_ = env.step(choose(seen))
-        total += reward
-    return total.mean(), int((seen[:, 0] < -np.cos(0.2)).sum())
+def train(name="LabPendulum-v0", seed=0, source=Vector, rounds=ROUNDS, often=OFTEN, **keywords) -> Iterator[Policy]:
+    """Yield the policy after every ``often`` rounds of training; ``keywords`` are those of ``gym.make_vec``."""
+    world = source(name, seed, keywords)
+    scale = np.where(np.arange(world.inputs) == 2, 0.1, 1.0).astype(np.float32)  # of the velocity
+    keys = jax.random.split(jax.random.key(seed), rounds + 2)
+    agent = {"policy": network(keys[-1], world.inputs, 0.01), "value": network(keys[-2], world.inputs, 1.0),
+             "noise": jnp.full(UNITS, MOST_NOISE)}
+    memory = OPTIMISER.init(agent), RATE
+    for turn in range(rounds):
+        largest = RATE * (1.0 - turn / rounds)
+        agent, memory = world.round(agent, memory, keys[turn], largest, scale, REWARDS[world.task])
+        if (turn + 1) % often == 0:
+            layers = [(np.asarray(weights), np.asarray(bias)) for weights, bias in agent["policy"]]
+            yield Policy(layers, scale, {"task": world.task, "id": name, "training": {
+                "program": "examples/learning/ppo.py", "environments": source.__name__.lower(), "seed": seed,
+                "steps": (turn + 1) * ENVIRONMENTS * STEPS, "versions": VERSIONS}})
+
+
+def solve(name, seed, source) -> tuple[dict, Policy]:
+    """Train until the task is solved or the rounds have passed; return a line of results, and the policy."""
+    judge = gym.make_vec(name, 100, diagnostics=())
+    goal = None
+    if judge.unwrapped.task.goal.reference is None:
+        goal = evaluate(swing_up(judge), judge, TRIED).returns.mean()
+    begun, worked = time.perf_counter(), time.process_time()
+    for found in train(name, seed, source):
+        earned = evaluate(found, judge, TRIED)
+        steps = found.card["training"]["steps"]
+        print(f"{name}, seed {seed}: {steps:8d} steps, {time.perf_counter() - begun:5.1f} s: return "
+              f"{earned.returns.mean():8.2f}, {earned.reached.mean():4.0%} there at the end", flush=True)
+        if goal is not None and earned.returns.mean() >= goal - 0.05 * abs(goal) and earned.reached.all():
+            break
+    took = {"seconds": time.perf_counter() - begun, "processor_seconds": time.process_time() - worked}
+    earned = evaluate(found, judge, JUDGED)
+    return {"algorithm": "ppo.py", "id": name, "what": source.__name__.lower(), "seed": seed,
+            "return": earned.returns.mean(), "upright": earned.reached.mean(), "steps": steps, **took,
+            "versions": VERSIONS}, found
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
-    parser.add_argument("folder", type=Path, nargs="?", help="folder for the policy's weights")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--rounds", type=int, default=250, help=f"of {ENVIRONMENTS * STEPS} steps, at most")
+    parser.add_argument("file", type=Path, help="file of the agents' lines")
+    parser.add_argument("--id", default="LabPendulum-v0")
+    parser.add_argument("--seeds", type=int, nargs="*", default=[0])
     parser.add_argument("--twin", action="store_true", help="step in JAX, not in the compiled vector")
+    parser.add_argument("--policies", type=Path, help="folder for the policies")
     options = parser.parse_args()
-
-    judge = gym.make_vec("LabPendulum-v0", 100, diagnostics=())
-    goal, _ = played(judge, swing_up(judge), 10**6)
-    begun = time.perf_counter()
-    keys = jax.random.split(jax.random.key(options.seed), options.rounds + 2)
-    agent = {"policy": network(keys[-1], 0.01), "value": network(keys[-2], 1.0), "noise": jnp.full(UNITS, MOST_NOISE)}
-    memory = OPTIMISER.init(agent), RATE
-    source = (Twin if options.twin else Vector)(options.seed)
-
-    @jax.jit
-    def mean(agent, seen):
-        return policy(agent, SCALE * seen)[0][:, None]
-
-    def choose(seen):
-        return np.asarray(mean(agent, seen))
-
-    for turn in range(options.rounds):
-        agent, memory = source.round(agent, memory, keys[turn], RATE * (1.0 - turn / options.rounds))
-        if (turn + 1) % 10 == 0:
-            earned, upright = played(judge, choose, 2 * 10**6)
-            steps = (turn + 1) * ENVIRONMENTS * STEPS
-            took = time.perf_counter() - begun
-            print(f"{steps:8d} steps, {took:5.1f} s: return {earned:6.0f}, {upright} of 100 upright", flush=True)
-            if solved := (earned >= 1.05 * goal and upright == 100):
-                break
-    earned, upright = played(judge, choose, 10**6)
-    print(f"return {earned:.0f} in 100 other episodes, {upright} upright; the controller returns {goal:.0f}")
-    if options.folder:
-        options.folder.mkdir(parents=True, exist_ok=True)
-        arrays = {f"{name}_{i}": np.asarray(x) for i, pair in enumerate(agent["policy"])
-                  for name, x in zip(("weights", "bias"), pair, strict=True)}
-        np.savez(options.folder / "policy.npz", **arrays)
-    if options.rounds >= 250:
-        assert solved, (earned, goal)
-        assert upright == 100, upright
+    source = Twin if options.twin else Vector
+    lines = [json.loads(one) for one in options.file.read_text().splitlines()] if options.file.exists() else []
+    done = {(one["algorithm"], one["id"], one["what"], one["seed"]) for one in lines}
+    for seed in options.seeds:
+        if ("ppo.py", options.id, source.__name__.lower(), seed) in done:
+            continue
+        line, found = solve(options.id, seed, source)
+        if options.policies:
+            options.policies.mkdir(parents=True, exist_ok=True)
+            found.save(options.policies / f"{found.card['task']}_{seed}.npz")
+        with options.file.open("a") as file:
+            file.write(json.dumps(line) + "\n")
+        print(f"return {line['return']:.1f} in 100 other episodes, {line['upright']:.0%} there at the end", flush=True)
 
 
 if __name__ == "__main__":
