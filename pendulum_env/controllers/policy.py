@@ -59,7 +59,8 @@ class Policy(Savable):
         for number, (weights, bias) in enumerate(layers):
             if len(size) != 1 or weights.shape != (*size, *bias.shape):
                 raise SceneError(f"Layer {number} has {size[-1] if size else 0} inputs, so that its weights and bias "
-                                 f"have the shapes (inputs, outputs) and (outputs,), not {weights.shape} and {bias.shape}.")
+                                 f"have the shapes (inputs, outputs) and (outputs,), not {weights.shape} and "
+                                 f"{bias.shape}.")
             size = bias.shape
         if not layers or size != (1,):
             raise SceneError("A policy has at least one layer, and the last has one output, the action.")

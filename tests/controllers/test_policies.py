@@ -6,6 +6,7 @@ import json
 import math
 import pickle
 import re
+import runpy
 from pathlib import Path
 from typing import Any
 
@@ -83,6 +84,31 @@ def test_the_table_of_policies_is_that_of_their_cards(name: str) -> None:
     row = next(line for line in text.splitlines() if line.startswith(f"| {name} | LabPendulum"))
     returns = load(name).card["evaluation"]["return"]
     assert row.endswith(f"| {returns['mean']:.5g} ± {returns['sd']:.2g} |")
+
+
+def test_the_command_chooses_the_best_and_computes_its_card(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With trainings that are there already: a policy of the package, and one that lets the bob fall."""
+    bare = {name: value for name, value in load("balance").card.items() if name != "evaluation"}
+    good = Policy(load("balance").layers, load("balance").scale, bare)
+    idle = Policy([(np.zeros((3, 1)), np.zeros(1))], np.ones(3), {**bare, "training": {"seed": 1}})
+    for seed, policy in enumerate((good, idle)):
+        policy.save(tmp_path / f"balance_{seed}.npz")
+    monkeypatch.setattr("sys.argv", ["policies.py", str(tmp_path), "--tasks", "balance", "--seeds", "0", "1",
+                                     "--episodes", "20", "--out", str(tmp_path / "new")])
+    runpy.run_path(str(ROOT / "examples" / "learning" / "policies.py"), run_name="__main__")
+    found = load(tmp_path / "new" / "balance.npz")
+    assert {name: value for name, value in found.card.items() if name != "evaluation"} == bare
+    env = vector("LabPendulumBalance-v0", 20)
+    card, first = found.card["evaluation"], found.card["evaluation"]["seeds"][0]
+    assert (card["episodes"], card["seeds"]) == (20, [first, first + 19])
+    returns = evaluate(good, env, first).returns
+    assert card["return"] == pytest.approx(
+        {"mean": returns.mean(), "sd": returns.std(ddof=1), "worst": returns.min()}, rel=1e-6)
+    assert card["random"] == pytest.approx(evaluate(RandomPolicy(), env, first).returns.mean())
+    assert card["controller"] == pytest.approx(evaluate(swing_up(env), env, first).returns.mean())
+    assert str(found) in capsys.readouterr().out
 
 
 # --- the network ------------------------------------------------------------------------------------------------------
