@@ -233,8 +233,12 @@ def test_reached_is_upright_or_the_reference() -> None:
     assert found.any()
     env = vector("LabPendulumBalance-v0", 3, max_episode_steps=2)
     assert evaluate(still, env).reached.all()
-    env = vector("LabPendulumTrack-v0", 3, max_episode_steps=50)  # the reference is at its end then, 0.5 rad
-    assert not evaluate(still, env).reached.any()
+    env = vector("LabPendulumBalance-v0", 3, max_episode_steps=50, speed_limit=0.6)  # its end is no fall
+    assert (found := evaluate(still, env)).steps.max() < 50
+    assert not found.reached.any()
+    for mode in ("NextStep", "SameStep"):  # at the end the reference is 0.5 rad; the next episode begins near it
+        env = vector("LabPendulumTrack-v0", 3, max_episode_steps=50, autoreset_mode=mode)
+        assert not evaluate(still, env).reached.any()
 
 
 def test_an_evaluation_refuses_what_is_no_vector() -> None:
