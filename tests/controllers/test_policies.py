@@ -252,8 +252,10 @@ def test_an_evaluation_refuses_what_is_no_vector() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", IDS)
 @INFINITE
-def test_a_threshold_is_5_percent_below_the_reference(name: str) -> None:
+def test_a_threshold_is_a_little_below_the_reference(name: str) -> None:
+    """By 5 %, or by two standard errors of a mean of 100 episodes where these are more."""
     env = vector(name, 1000)
     policy = load("track") if name == "LabPendulumTrack-v0" else swing_up(env)
-    earned = evaluate(policy, env, 5 * 10**6).returns.mean()
-    assert gym.spec(name).reward_threshold == pytest.approx(earned - 0.05 * abs(earned), rel=0.01)
+    returns = evaluate(policy, env, 5 * 10**6).returns
+    below = max(0.05 * abs(returns.mean()), 2.0 * returns.std() / 10.0)
+    assert gym.spec(name).reward_threshold == pytest.approx(returns.mean() - below, rel=0.01)
