@@ -135,8 +135,13 @@ def _names(module: str, registry: str) -> Callable[[str], list[str]]:
     return complete
 
 
-_SCENES = {"autocompletion": _names("pendulum_env.physics.presets", "SCENES")}
-_METHODS = {"autocompletion": _names("integrators", "METHODS")}
+def completing(module: str, registry: str) -> dict[str, Any]:
+    """Return the argument of an option by which a shell completes the names of a registry in a module."""
+    return {"autocompletion": _names(module, registry)}
+
+
+_SCENES = completing("pendulum_env.physics.presets", "SCENES")
+_METHODS = completing("integrators", "METHODS")
 _ONE = option("Preset (lab-pendulum list scenes) or a scene's JSON file.", callback=_scene, **_SCENES)
 _SEVERAL = words("Presets (lab-pendulum list scenes) or JSON files", "--scene", **_SCENES)
 _NAMES = words("Names of methods (lab-pendulum list integrators)", "--integrators", "-i", **_METHODS)

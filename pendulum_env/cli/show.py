@@ -20,10 +20,12 @@ from pendulum_env.physics.damping import build_scene, parse_damping, parse_setti
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, shown
 from pendulum_env.render import View, palette
+from pendulum_env.tasks import find_task
 from pendulum_env.window import Shown
 from pendulum_env.window.controls import METHOD_KEYS, keys_in_words
 
 if TYPE_CHECKING:
+    from pendulum_env.controllers import Policy
     from pendulum_env.envs.env import LabPendulumEnv
     from pendulum_env.window.live import Live
 
@@ -47,6 +49,10 @@ def show(
     angle: options.AngleOrNone = None,
     velocity: options.Velocity = None,
     dt: options.Step = None,
+    policy: Annotated[
+        str | None, options.option("Who drives the motor: a policy (lab-pendulum list policies), or a file of one.",
+                                   **options.completing("pendulum_env.controllers", "POLICIES"))
+    ] = None,
     window: Annotated[
         str | None, options.option(f"Size of the window in pixels, as 1600x900; by default {ONE} or {SEVERAL}.")
     ] = None,
@@ -59,18 +65,20 @@ def show(
 
     {keys}
 
+    A policy drives the motor of each pendulum, in steps of 0.02 s from a start of its task, until an arrow key is held.
     The methods of the keys 1 to 5 are compiled before the window opens, once for each scene. Here --set takes the
     settings of gym.make, too, as in --set action_noise=0.1.
     """
+    from pendulum_env.controllers import load
     from pendulum_env.envs.settings import split_settings
     from pendulum_env.window.live import Live
     from pendulum_env.window.screen import WindowError, seen
 
+    driver = load(policy) if policy is not None else None
     more, own = split_settings(parse_settings(settings or ()), Bench.CHOSEN)
-    bench = Bench(build_scene(scene, parse_damping(damping), own), integrators, dt, theme, panels, more)
-    run = bench.scene.run
-    checked_start(bench.scene, run.angle if angle is None else angle,
-                  run.velocity if velocity is None else velocity)
+    bench = Bench(build_scene(scene, parse_damping(damping), own), integrators, dt, theme, panels, more, driver)
+    start = bench.start(angle, velocity)
+    checked_start(bench.scene, *start)
     pixels = _window_size((ONE if len(bench.envs) == 1 else SEVERAL) if window is None else window)
     if not seen():
         raise WindowError("There is no display to show a window on; lab-pendulum record makes films without one.")
@@ -78,7 +86,7 @@ def show(
     live = Live(*bench.shown(), size=pixels, new_step=bench.new_step)
     live.folder = out
     try:
-        bench.play(live, angle, velocity)
+        bench.play(live, *start)
     finally:
         live.close()
 
@@ -100,7 +108,8 @@ def _window_size(text: str) -> tuple[int, int]:
 class Bench:
     """Pendulums of one scene with different methods, which start together, take the same steps and meet the same gusts.
 
-    ``more`` are other settings of the environments, such as ``action_noise``. Raises SceneError or MethodError for
+    ``more`` are other settings of the environments, such as ``action_noise``. A ``policy`` of the package drives the
+    motors; the task is then the policy's, and the usual step that of episodes. Raises SceneError or MethodError for
     invalid arguments.
     """
 
@@ -109,9 +118,14 @@ class Bench:
     """Settings of the environments that the command's other options give."""
 
     def __init__(self, scene: Scene, integrators: Sequence[str], dt: float | None, theme: str, panels: Sequence[str],
-                 more: Mapping[str, Any] = MappingProxyType({})) -> None:
-        self.scene, self.theme, self.panels, self.more = scene, theme, panels, more
-        self.dt = scene.run.dt if dt is None else dt
+                 more: Mapping[str, Any] = MappingProxyType({}), policy: Policy | None = None) -> None:
+        from pendulum_env.envs.settings import USUAL_EPISODE
+
+        self.scene, self.theme, self.panels, self.more, self.policy = scene, theme, panels, more, policy
+        if policy is not None and not scene.has("motor"):
+            raise SceneError(f"The scene '{scene.name}' has no motor that a policy could drive; leave --policy out.")
+        self.task = find_task("free" if policy is None else policy.card.get("task", ""))
+        self.dt = dt if dt is not None else scene.run.dt if policy is None else USUAL_EPISODE[1]
         if len(integrators) > MOST:
             raise SceneError(f"A window shows 1 to {MOST} integrators, not {len(integrators)}.")
         methods = none_twice([find_method(name, scene) for name in integrators])
@@ -123,7 +137,7 @@ class Bench:
         """Return the environment of one pendulum with the present step."""
         from pendulum_env.envs.env import LabPendulumEnv
 
-        return LabPendulumEnv(self.scene, integrator=integrator, dt=self.dt, task="free", render_mode="rgb_array",
+        return LabPendulumEnv(self.scene, integrator=integrator, dt=self.dt, task=self.task, render_mode="rgb_array",
                               render_theme=self.theme, render_panels=self.panels, **self.more)
 
     def prepare(self) -> None:
@@ -182,21 +196,31 @@ class Bench:
             env.reset(seed=self._seed)
         return self.shown()
 
-    def play(self, window: Live, angle: float | None, velocity: float | None) -> None:
+    def start(self, angle: float | None, velocity: float | None) -> tuple[float, float]:
+        """Return the angle [rad] and velocity [rad/s] of the start.
+
+        Where these are None, they are those of the scene's usual run or, with a policy, those that its task draws.
+        """
+        usual = (self.scene.run.angle, self.scene.run.velocity) if self.policy is None else map(
+            float, self.task.starts(random.random(), random.random(), self.scene.omega0))
+        first, second = usual
+        return first if angle is None else angle, second if velocity is None else velocity
+
+    def play(self, window: Live, angle: float, velocity: float) -> None:
         """Run a window until it is closed; when all runs have ended, they are reset to their start and paused.
 
-        The start is at an angle [rad] and a velocity [rad/s]; None stands for those of the scene's usual run.
+        The start is at an angle [rad] and a velocity [rad/s].
         """
         import numpy as np
 
-        run = self.scene.run
-        window.restart(run.angle if angle is None else angle, run.velocity if velocity is None else velocity)
+        window.restart(angle, velocity)
         while window.open:
             window.attend()
             push = np.array([window.push], dtype=np.float32)
             for place, env in enumerate(self.envs):
                 if not self.over[place]:
-                    over, info = env.step(push)[2::2]
+                    action = push if self.policy is None or push else self.policy(env.look())
+                    over, info = env.step(action)[2::2]
                     if over:
                         self.over[place] = True
                         why = f"{env.integrator} stopped at {info['time']:g} s: {info['stop_reason']}"

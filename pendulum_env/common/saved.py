@@ -68,6 +68,7 @@ KEPT = "origin in the file"
 """Entry of a loaded result's ``vars`` for its provenance."""
 
 CLASSES: Mapping[str, tuple[str, ...]] = {
+    "pendulum_env.controllers.policy": ("Policy",),
     "pendulum_env.engine.result": ("Rollout",),
     "pendulum_env.physics.energy": ("Ledger",),
     "integrators.solving.dense": ("DenseOutput", "Curve"),

@@ -27,8 +27,8 @@ from pendulum_env.physics.units import SceneError, number, shown, whole_number
 from pendulum_env.tasks import Task, find_task
 
 
-def batch_of(observation: Any) -> NDArray[np.float64]:
-    """Return observations of shape (n, 3), or one of shape (3,), as (n, 3).
+def batch_of(observation: Any, *sizes: int) -> NDArray[np.float64]:
+    """Return observations of shape (n, k), or one of shape (k,), as (n, k), where k is one of ``sizes``.
 
     Raises ValueError for other shapes and for values that are not finite numbers.
     """
@@ -39,11 +39,12 @@ def batch_of(observation: Any) -> NDArray[np.float64]:
         batch = None
     if batch is None:
         raise ValueError("Observations must be arrays of numbers.")
-    if batch.ndim not in (1, 2) or batch.shape[-1] != 3:
-        raise ValueError(f"Observations must have the shape (3,) or (n, 3), not {np.shape(observation)}.")
+    if batch.ndim not in (1, 2) or batch.shape[-1] not in sizes:
+        wanted = " or ".join(f"({k},) or (n, {k})" for k in sizes)
+        raise ValueError(f"Observations must have the shape {wanted}, not {np.shape(observation)}.")
     if not np.isfinite(batch).all():
         raise ValueError("Observations must be finite.")
-    return batch.reshape(-1, 3)
+    return batch.reshape(-1, batch.shape[-1])
 
 
 class RandomPolicy:
@@ -63,9 +64,10 @@ class RandomPolicy:
     def __call__(self, observation: Any) -> NDArray[np.float32]:
         """Return random actions: shape (1,) for an observation of shape (3,), (n, 1) for (n, 3).
 
-        Raises ValueError for another shape or values that are not finite.
+        Observations of a task with a reference have 7 entries. Raises ValueError for another shape or values that are
+        not finite.
         """
-        batch_of(observation)
+        batch_of(observation, 3, 7)
         return self._random.uniform(-1.0, 1.0, (*np.shape(observation)[:-1], 1)).astype(np.float32)
 
 
@@ -169,7 +171,7 @@ class SwingUp:
 
         Raises ValueError for another shape or values that are not finite.
         """
-        observed = batch_of(observation) * (self._side, self._side, 1.0)
+        observed = batch_of(observation, 3) * (self._side, self._side, 1.0)
         angle = np.arctan2(observed[:, 1], observed[:, 0])
         phi = np.arctan2(-observed[:, 1], -observed[:, 0])
         velocity = observed[:, 2]

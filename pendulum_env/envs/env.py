@@ -362,6 +362,15 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
             seen = np.concatenate([seen, np.array(self._ahead(float(self._state[INDEX])), SINGLE)])
         return seen
 
+    def look(self) -> NDArray[np.float32]:
+        """Return the observation of the present state, also after a person has changed it in a window.
+
+        Raises ResetNeeded before the first reset.
+        """
+        if self._state is None:
+            raise gymnasium.error.ResetNeeded("Call reset() before the first look().")
+        return self._seen(self._run(0)[0])
+
     def render(self) -> NDArray[np.uint8] | None:
         """Return a frame of the present state, uint8 of shape (height, width, 3).
 

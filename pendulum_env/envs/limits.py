@@ -13,7 +13,7 @@ import inspect
 import math
 from collections.abc import Callable, Iterable, Mapping
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
@@ -38,18 +38,36 @@ class Registered(int):
 REGISTERED = Registered(500)
 """Number of control steps of an episode of ``LabPendulum-v0``."""
 
+
+class Id(NamedTuple):
+    """What an id of the environment is registered with.
+
+    Attributes:
+        steps: number of control steps of an episode.
+        keywords: the keywords that the id sets.
+        reward_threshold: the mean return of 100 episodes from which the task counts as solved: 5 %, or two standard
+            errors of such a mean where these are more, below what the controller ``swing_up`` earns in 1000 episodes
+            or, of track, which it cannot play, the package's policy.
+    """
+
+    steps: Registered
+    keywords: Mapping[str, Any]
+    reward_threshold: float
+
+
 # The velocity's bound of new ids is true: with float32's largest number, that of LabPendulum-v0, Gymnasium's
 # RescaleObservation makes every velocity 0 without a word; at inf it refuses.
-IDS: Mapping[str, tuple[Registered, Mapping[str, Any]]] = MappingProxyType({
-    USUAL_ID: (REGISTERED, {}),
-    "LabPendulumGymnasium-v0": (Registered(200), {"scene": "gymnasium", "task": "gymnasium", "velocity_bound": 8.0}),
-    "LabPendulumDmControl-v0": (Registered(1000), {
-        "scene": "dm_control", "task": "dm_control", "velocity_bound": math.inf}),
-    "LabPendulumBalance-v0": (REGISTERED, {"task": "balance", "velocity_bound": math.inf}),
-    "LabPendulumTrack-v0": (REGISTERED, {"task": "track", "velocity_bound": math.inf}),
-    "LabPendulumMotorBench-v0": (REGISTERED, {"scene": "motor_bench", "velocity_bound": math.inf}),
+IDS: Mapping[str, Id] = MappingProxyType({
+    USUAL_ID: Id(REGISTERED, {}, -580.0),
+    "LabPendulumGymnasium-v0": Id(
+        Registered(200), {"scene": "gymnasium", "task": "gymnasium", "velocity_bound": 8.0}, -168.0),
+    "LabPendulumDmControl-v0": Id(Registered(1000), {
+        "scene": "dm_control", "task": "dm_control", "velocity_bound": math.inf}, 790.0),
+    "LabPendulumBalance-v0": Id(REGISTERED, {"task": "balance", "velocity_bound": math.inf}, 475.0),
+    "LabPendulumTrack-v0": Id(REGISTERED, {"task": "track", "velocity_bound": math.inf}, -2.48),
+    "LabPendulumMotorBench-v0": Id(REGISTERED, {"scene": "motor_bench", "velocity_bound": math.inf}, -693.0),
 })
-"""Id -> number of control steps of an episode, and the keywords that the id sets."""
+"""Id -> what it is registered with."""
 
 
 BENCH_ID = "LabPendulumBench-v0"
@@ -61,11 +79,11 @@ def register() -> None:
     gymnasium.register(
         id=BENCH_ID, entry_point="pendulum_env.bench.environment:LabPendulumBenchEnv", nondeterministic=True,
         max_episode_steps=REGISTERED)
-    for name, (steps, keywords) in IDS.items():
+    for name, (steps, keywords, threshold) in IDS.items():
         gymnasium.register(
             id=name, entry_point="pendulum_env.envs.env:LabPendulumEnv",
             vector_entry_point="pendulum_env.envs.vector_env:LabPendulumVectorEnv", max_episode_steps=steps,
-            kwargs=dict(keywords))
+            reward_threshold=threshold, kwargs=dict(keywords))
 
 
 def checked_steps(steps: Any, name: str = "max_episode_steps") -> int | None:
@@ -98,7 +116,7 @@ def check_duration(
     if own is None or own == limit or not isinstance(limit, Registered):
         return
     name = USUAL_ID if spec is None else spec.id
-    others = [f", or make {other}, which has {own}" for other, (steps, keywords) in IDS.items()
+    others = [f", or make {other}, which has {own}" for other, (steps, keywords, _) in IDS.items()
               if other != name and steps == own and keywords.get("task") == task]
     remedy = f"give max_episode_steps={own}{''.join(others)}."
     if own > limit:

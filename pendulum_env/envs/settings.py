@@ -191,10 +191,11 @@ def settings_table() -> Table:
 
 
 def ids_table() -> Table:
-    """Return a table of the ids: control steps of an episode, and the keywords that the id sets."""
-    return Table(("id", "steps", "what it sets"), tuple(
-        (name, str(steps), ", ".join(f"{word}={value!r}" for word, value in keywords.items()) or "nothing")
-        for name, (steps, keywords) in IDS.items()))
+    """Return a table of the ids: control steps and solving return of an episode, and the keywords that the id sets."""
+    return Table(("id", "steps", "solved from", "what it sets"), tuple(
+        (name, str(steps), f"{threshold:g}",
+         ", ".join(f"{word}={value!r}" for word, value in keywords.items()) or "nothing")
+        for name, (steps, keywords, threshold) in IDS.items()))
 
 
 def split_settings(given: Mapping[str, Any], others: Sequence[str] = ()) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -292,7 +292,7 @@ OPTIONS: Mapping[str, Any] = typer.main.get_command(cli.app).commands  # type: i
 ELSE = {"--out": "a folder or, of commands that write one file, it", "-o": "the same", "--scene": "one or several",
         "--language": "of a program, or of a report's sentences",
         "--period-error": "of the given period, or of each period in a table by hand",
-        **dict.fromkeys(("--angle", "--columns", "--duration", "--rate", "--seed", "--unit"),
+        **dict.fromkeys(("--angle", "--columns", "--duration", "--policy", "--rate", "--seed", "--unit"),
                         "the same of a source of acquire, whose help names the sources that have it")}
 """Options of two help texts -> the reason."""
 PLURALS = {"--angle": "angles of a source of acquire", "--amplitude": "--amplitudes are readings by hand",

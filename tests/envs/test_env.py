@@ -98,6 +98,27 @@ def copies(env: LabPendulumEnv) -> dict[str, LabPendulumEnv]:
     return {"pickle": pickle.loads(pickle.dumps(env)), "deepcopy": copy.deepcopy(env), "state": fresh}
 
 
+@pytest.mark.parametrize("more", [
+    {}, {"task": "track"}, {"task": "gymnasium", "velocity_bound": 1.0}, {"scene": "windy", "diagnostics": ("error",)},
+    {"observation": "history", "observation_delay": 0.04, "action_noise": 0.1, "sensor": {"noise": 0.01}}],
+    ids=["plain", "track", "bounded", "error", "sensor"])
+def test_a_look_is_the_last_observation_and_changes_nothing(more: dict[str, Any]) -> None:
+    env, other = make(**more), make(**more)
+    seen, _ = env.reset(seed=3)
+    other.reset(seed=3)
+    for _ in range(8):
+        assert env.look().tolist() == env.look().tolist() == seen.tolist()
+        seen, *rest = env.step(act(0.7))
+        wanted, *others = other.step(act(0.7))
+        assert seen.tolist() == wanted.tolist()
+        assert rest == others
+    other.reset()
+    other.set_state(env.get_state())
+    assert other.look().tolist() == seen.tolist()
+    with pytest.raises(gym.error.ResetNeeded):
+        make(**more).look()
+
+
 @pytest.mark.quick("after steps", "after the end")
 @pytest.mark.parametrize("moment", ["before reset", "after reset", "after steps", "after rendering", "after the end"])
 def test_the_whole_state_resumes_bit_for_bit(moment: str) -> None:

@@ -99,11 +99,12 @@ def test_the_gymnasium_id_is_pendulum_v1() -> None:
 
 def test_the_readme_has_all_ids() -> None:
     text = (ROOT / "pendulum_env" / "envs" / "README.md").read_text(encoding="utf-8")
-    rows = re.findall(r"^\| `(LabPendulum\w*-v0)` \| (.*) \| (\d+) \| (.*) \|$", text, flags=re.M)
+    rows = re.findall(r"^\| `(LabPendulum\w*-v0)` \| (.*) \| (\d+) \| (\S+) \| (.*) \|$", text, flags=re.M)
     words = {FLOAT32: "float32's largest number", 8.0: "8 rad/s", math.inf: "inf"}
-    assert [(name, int(steps), bound) for name, _, steps, bound in rows] == [
+    assert [(name, int(steps), bound) for name, _, steps, _, bound in rows] == [
         (name, steps, words[bound]) for name, (steps, bound, _, _) in TRUE.items()]
-    for name, keywords, _, _ in rows:
+    for name, keywords, _, threshold, _ in rows:
+        assert float(threshold) == gym.spec(name).reward_threshold
         sets = {key: value for key, value in IDS[name][1].items() if key != "velocity_bound"}
         assert dict(re.findall(r'(\w+)="(\w+)"', keywords)) == sets
 

@@ -15,6 +15,7 @@ import pytest
 
 from pendulum_env import Rollout, SceneError, VirtualSensor, rollout
 from pendulum_env.common.replacing import OutputError
+from pendulum_env.controllers import POLICIES
 from pendulum_env.lab import (
     Recording,
     RecordingError,
@@ -340,3 +341,4 @@ def test_what_is_published_carries_it(tmp_path: Path, target: str) -> None:
     listing = [sys.executable, "-m", "zipfile" if target == "wheel" else "tarfile", "-l", made]
     names = subprocess.run(listing, capture_output=True, text=True, check=True).stdout
     assert "pendulum_env/lab/data/simulated_lab.txt" in names
+    assert all(f"pendulum_env/controllers/policies/{name}.npz" in names for name in POLICIES)

@@ -90,6 +90,7 @@ ELSEWHERE = {
     ".venv/bin/lab-pendulum web --out lab.html": "web/test_page.py",
     "lab-pendulum show --integrators forward_euler,symplectic_euler,rk4 --angle 45 --window 1600x900":
         "window/test_show.py",
+    "lab-pendulum show --policy swing_up": "window/test_show.py",
     'pip install -e ".[docs]"': "project/test_api_pages.py",
     "python -m pendulum_env.cli.api_pages out/api": "project/test_api_pages.py",
     "python tests/support/guard.py": "engine/test_guard.py",

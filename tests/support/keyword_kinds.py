@@ -199,6 +199,9 @@ OWN: Mapping[str, str] = {
     "section.points": "count", "section.runs": "count", "section.transient": "count or none", "section.phase": "number",
     "basins.transient": "count or none",
     "Medium.name": "line", "Scene.has.name": "text",
+    "controllers.load.policy": "none of these", "controllers.evaluate.policy": "function",
+    "controllers.Policy.layers": "none of these", "controllers.Policy.scale": "none of these",
+    "controllers.Policy.card": "mapping",
 }
 """The same for keywords that take something else in one function."""
 LONGEST = 3000

@@ -201,6 +201,11 @@ WORKING: Mapping[str, Mapping[str, Any]] = {
     "stress": {"cases": ["upright for a moment"], "integrators": ["rk4"]},
     "testing.check_vector_env": {"make_vec": LabPendulumVectorEnv},
     "controllers.swing_up": {"env": LabPendulumEnv(backend="python")},
+    "controllers.load": {"policy": "swing_up"},
+    "controllers.evaluate": {
+        "policy": controllers.RandomPolicy(),
+        "env": LabPendulumVectorEnv(2, max_episode_steps=2, diagnostics=(), backend="python")},
+    "controllers.Policy": {"layers": [(np.zeros((3, 1)), np.zeros(1))], "scale": np.ones(3), "card": {}},
 }
 """Keywords with which a function is sooner done, or can be called at all."""
 BESIDE_IT: Mapping[str, Mapping[str, Any]] = {

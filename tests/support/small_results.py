@@ -15,6 +15,7 @@ from pendulum_env import SCENES, Recording, basins, compare, cost, growth, measu
 from pendulum_env.auto.calibrate import Choice
 from pendulum_env.auto.choice import Ranking
 from pendulum_env.auto.search import Candidate
+from pendulum_env.controllers import Policy
 from pendulum_env.envs.transfer import Difference, Transfer
 from pendulum_env.lab import (
     DrivenFit,
@@ -135,6 +136,8 @@ SMALL: Mapping[str, Callable[[], Any]] = {
     "Posterior": lambda: normal_posterior(fit_by_hand(), 60, 12),
     "Transfer": lambda: Transfer(np.array([1.0, -0.0]), np.array([0.5, 0.25]), (
         Difference("gravity", ("9.81", "5"), np.array([0.1, 0.2]), None, "not alone"),)),
+    "Policy": lambda: Policy([(np.array([[0.5], [-1.0], [2.0]]), np.zeros(1))], np.array([1.0, 1.0, 0.1]),
+                             {"task": "swing_up", "evaluation": {"return": {"mean": -539.67}, "seeds": [1, 2]}}),
     "Recording": swing,
     "accelerometer": lambda: force(TIME),
 }

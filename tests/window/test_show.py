@@ -17,6 +17,7 @@ from PIL import Image
 from readme_code import READMES
 
 from pendulum_env import SCENES, LabPendulumEnv, rollout
+from pendulum_env.controllers import load
 from pendulum_env.engine import kernels
 from pendulum_env.engine.machine import Machine
 from pendulum_env.envs import switch
@@ -111,6 +112,38 @@ def test_the_arrow_keys_push(clock: Clock, run_here: Here, steps: Steps) -> None
     assert steps[0][2]["angle"] == 0.0
     assert steps[-1][2]["angle"] > 0.0
     assert screen.OPEN == []
+
+
+def test_a_policy_catches_the_bob_until_a_person_pushes(clock: Clock, run_here: Here, steps: Steps) -> None:
+    """Check the actions against those in an environment of the task, and the motion against the top."""
+    clock.plan = [nothing] * 80 + [key("left")] + [nothing] * 10 + [key("q")]
+    code, said, wrong = run_here("show", "--policy", "swing_up", "--angle", "168", "--velocity", "0", "--window", "200")
+    assert (code, said) == (0, ""), wrong
+    policy, env, taken = load("swing_up"), LabPendulumEnv(task="swing_up", backend="python"), [*steps]
+    seen, _ = env.reset(options={"angle": math.radians(168.0), "velocity": 0.0})
+    for shown, push, info in taken[:60]:
+        action = policy(seen)
+        seen, *_, wanted = env.step(action)
+        assert (shown.dt, push, info["angle"]) == (0.02, action[0], wanted["angle"])
+    assert abs(taken[60][2]["angle"] - math.pi) < 0.1
+    assert [push for _, push, _ in taken[-5:]] == [-1.0] * 5
+    assert taken[-1][2]["angle"] < taken[-8][2]["angle"]
+
+
+def test_a_policy_starts_as_its_task_does_and_needs_a_motor(clock: Clock, run_here: Here, steps: Steps) -> None:
+    clock.plan = [nothing] * 3 + [key("q")]
+    assert run_here("show", "--policy", "balance", "--window", "200", "-i", "rk4,heun")[0] == 0
+    assert {env.task.name for env, _, _ in steps} == {"balance"}
+    assert {env.integrator for env, _, _ in steps} == {"rk4", "heun"}
+    assert all(abs(info["angle"] - math.pi) < 0.15 for _, _, info in steps)
+    clock.plan = [nothing] * 3 + [key("q")]
+    assert run_here("show", "--policy", "track", "--window", "200")[0] == 0
+    assert steps[-1][0].task.name == "track"
+    for words, told in ((["--policy", "swingup"], "did you mean swing_up?"),
+                        (["--policy", "swing_up", "--scene", "vacuum"], "'vacuum' has no motor")):
+        code, _, wrong = run_here("show", *words)
+        assert code == 2
+        assert told in wrong
 
 
 @pytest.mark.slow

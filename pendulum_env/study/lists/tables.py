@@ -1,4 +1,4 @@
-"""Tables of scenes, bodies, integrators, effects, tasks, events, formats, sources; the list of effects as text."""
+"""Tables of scenes, integrators, effects, bodies, tasks, policies, events, formats and sources; effects as text."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from typing import Any
 from integrators import METHODS
 from pendulum_env.bench.sources import SOURCES
 from pendulum_env.common.texts import Table
+from pendulum_env.controllers import POLICIES
+from pendulum_env.controllers import load as load_policy
 from pendulum_env.engine.motion import EVENTS
 from pendulum_env.lab.containers import FORMATS
 from pendulum_env.lab.quantities import QUANTITIES
@@ -54,6 +56,16 @@ def effect_listing(effects: Iterable[type[Effect]], width: int = 100) -> str:
     return "\n\n".join(blocks)
 
 
+def policy_row(name: str) -> tuple[str, ...]:
+    """Return the row of a policy of the package in the table of policies, from its card."""
+    card = load_policy(name).card
+    training, found = card["training"], card["evaluation"]
+    returns = found["return"]
+    others = [f"{found[other]:.5g}" if other in found else "-" for other in ("random", "controller")]
+    return (name, card["id"], f"{training['steps']:,}".replace(",", " "), *others, f"{found['reached']:.1%}",
+            f"{returns['worst']:.5g}", f"{returns['mean']:.5g} ± {returns['sd']:.2g}")
+
+
 def _default(entry: Field[Any]) -> str:
     number = f"{entry.default:g}" if isinstance(entry.default, float) else entry.default
     return "" if entry.default is None else f"; by default {number}"
@@ -82,6 +94,9 @@ TABLES: Mapping[str, Callable[[], Table]] = MappingProxyType({
         tuple((name, kind.__name__, parameters(kind), first_line(kind)) for name, kind in BODIES.items())),
     "tasks": lambda: Table(
         ("task", "reward per step"), tuple((task.name, task.equation) for task in TASKS.values())),
+    "policies": lambda: Table(
+        ("policy", "id", "steps of training", "random", "controller swing_up", "reached", "worst", "return"),
+        tuple(map(policy_row, POLICIES))),
     "events": lambda: Table(("event", "what it is"), tuple(EVENTS.items())),
     "formats": lambda: Table(
         ("quantity", "words in titles", "units", "how it is read, or what to do"),
