@@ -103,7 +103,8 @@ def draw(lines, folder, file):
     below.axvline(0.0, color="0.6", lw=0.8)
     below.set_yticks(range(len(changes)), list(changes))
     below.invert_yaxis()
-    below.set(xlabel="change of the return [reward s]", title="Lost in the pendulum after Euler (blue), on a bench after rk4 (green)")
+    below.set(xlabel="change of the return [reward s]",
+              title="Lost in the pendulum after Euler (blue), on a bench after rk4 (green)")
     figure.savefig(file)
 
 
