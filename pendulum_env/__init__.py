@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pendulum_env.common.beside import import_fault
-from pendulum_env.common.version import __version__ as __version__
 from pendulum_env.envs.limits import USUAL_ID, register
 
 if _fault := import_fault():
@@ -48,6 +47,8 @@ if TYPE_CHECKING:
     from pendulum_env.study.study import Study
     from pendulum_env.study.sweep import Sweep, sweep
     from pendulum_env.tasks import Task
+
+__version__: str  # asked for when it is wanted
 
 ENV_ID = USUAL_ID
 """Id of the environment for ``gym.make``. A change of physics or defaults that alters trajectories adds a v1; v0 stays.
@@ -132,6 +133,10 @@ def __getattr__(name: str) -> Any:
         return import_module(f"pendulum_env.{name}")
     if name in _LAZY:
         return getattr(import_module(_LAZY[name]), name)
+    if name == "__version__":
+        from pendulum_env.common.version import version
+
+        return version()
     raise AttributeError(f"module 'pendulum_env' has no attribute '{name}'")
 
 
