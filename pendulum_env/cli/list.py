@@ -20,7 +20,7 @@ SCREEN = 80
 def list_(
     what: Annotated[
         str | None, typer.Argument(callback=options.lower, help="scenes, integrators, effects, bodies, tasks, events, "
-                                   "formats, sources, ids, settings; all by default.")
+                                   "formats, sources, units, ids, settings; all by default.")
     ] = None,
     scene: options.SceneOrNone = None,
     damping: options.Damping = "scene",
@@ -28,8 +28,8 @@ def list_(
     csv: Annotated[bool, options.flag("Print CSV, with all columns.", "--csv")] = False,
     markdown: Annotated[bool, options.flag("Print tables in Markdown.", "--markdown")] = False,
 ) -> None:
-    """List scenes, integrators, effects, bodies, tasks, events, formats of recordings, live sources, environments' ids
-    and settings.
+    """List scenes, integrators, effects, bodies, tasks, events, formats of recordings, live sources, units,
+    environments' ids and settings.
 
     A list fits one screen; --all prints more. --scene describes one scene or, after integrators, lists those that
     suit it.
