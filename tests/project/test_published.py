@@ -151,39 +151,62 @@ def given(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(sys.platform == "win32", reason="the rehearsal is written for bash")
-@pytest.mark.parametrize(("python", "built"), [(0, "wheel"), (-1, "archive")], ids=["oldest", "newest"])
-def test_a_release_is_rehearsed(given: Path, tmp_path: Path, python: int, built: str) -> None:
-    """By CONTRIBUTING's own commands, on the oldest and the newest Python here; then README's first command runs there
-    for a second of the pendulum's time.
+def quiet() -> dict[str, str]:
+    """Return the environment without settings of the tests, and without files of bytecode, which take pip a minute."""
+    kept = {name: value for name, value in os.environ.items() if not name.startswith(("TWINE_", "PYTHON", "LAB_"))}
+    return {**kept, "PIP_NO_COMPILE": "1", "PIP_DISABLE_PIP_VERSION_CHECK": "1"}
+
+
+@pytest.fixture(scope="module")
+def rehearsed(given: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """The folder in which a release was rehearsed by CONTRIBUTING's own commands, on the oldest Python here, and what
+    they printed.
     """
+    folder = tmp_path_factory.mktemp("rehearsed")
     (block,) = re.findall(r"<!-- rehearsal -->\n +```sh\n(.*?)\n +```", CONTRIBUTING, flags=re.S)
     script = textwrap.dedent(block)
-    kinds = {"wheel": "--only-binary", "archive": "--no-binary"}
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    for old, new in (("../lab-pendulum", str(given)), ("8765", str(port)), ("python3 ", f"{pythons()[python]} "),
-                     ("--extra-index-url", f"{kinds[built]} lab-pendulum --extra-index-url")):
+    for old, new in (("../lab-pendulum", str(given)), ("8765", str(port)), ("python3 ", f"{pythons()[0]} ")):
         assert old in script
         script = script.replace(old, new)
-    kept = {name: value for name, value in os.environ.items() if not name.startswith(("TWINE_", "PYTHON", "LAB_"))}
     done = subprocess.run(["bash", "-euo", "pipefail", "-c", f"trap 'kill $(jobs -p) 2>/dev/null || :' EXIT\n{script}"],
-                          cwd=tmp_path, env=kept, capture_output=True, text=True, check=False)
+                          cwd=folder, env=quiet(), capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
-    assert re.search(r"^lab-pendulum 0\.2\.0, sources [0-9a-f]{12}$", done.stdout, flags=re.M)
-    assert done.stdout.count("PASSED") == 2
-    (wheel,) = (tmp_path / "index").glob("lab_pendulum-0.2.0-*.whl")
-    metadata = zipfile.ZipFile(wheel).read("lab_pendulum-0.2.0.dist-info/METADATA").decode()
-    head, _, page = metadata.partition("\n\n")
+    return folder, done.stdout
+
+
+def run_main_job(scripts: Path, folder: Path) -> None:
+    """Run README's first command as installed, for a second of the pendulum's time; each file names the version."""
+    job = shlex.split(only(r"<!-- main job -->\n```sh\n.*?&& \.venv/bin/lab-pendulum (.*?)\n```", "the main job"))
+    ran = subprocess.run([scripts / "lab-pendulum", *job, "--duration", "1"], cwd=folder, env=quiet(),
+                         capture_output=True, text=True, check=False)
+    assert ran.returncode == 0, ran.stderr
+    made = [*(folder / "out" / "compare").iterdir()]
+    assert {path.suffix for path in made} >= {".png", ".csv", ".mp4"}
+    assert all(b"lab-pendulum 0.2.0" in path.read_bytes() for path in made)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="the rehearsal is written for bash")
+def test_a_release_is_rehearsed_to_an_index_and_works_from_there(rehearsed: tuple[Path, str], tmp_path: Path) -> None:
+    folder, printed = rehearsed
+    assert re.search(r"lab-pendulum 0\.2\.0, sources [0-9a-f]{12}\n$", printed)
+    assert printed.count("PASSED") == 2
+    (wheel,) = (folder / "index").glob("lab_pendulum-0.2.0-*.whl")
+    head, _, page = zipfile.ZipFile(wheel).read("lab_pendulum-0.2.0.dist-info/METADATA").decode().partition("\n\n")
     assert f"Project-URL: Repository, {ADDRESS}\n" in head
     assert "Author: Ada Lovelace, Emmy Noether\n" in head
     assert f"({ADDRESS}/raw/v0.2.0/examples/figures/three_eulers.gif)" in page
-    job = shlex.split(only(r"<!-- main job -->\n```sh\n.*?&& \.venv/bin/lab-pendulum (.*?)\n```", "the main job"))
-    words = [tmp_path / "clean" / "bin" / "lab-pendulum", *job, "--duration", "1"]
-    ran = subprocess.run(words, cwd=tmp_path, env=kept, capture_output=True, text=True, check=False)
-    assert ran.returncode == 0, ran.stderr
-    made = [*(tmp_path / "out" / "compare").iterdir()]
-    assert {path.suffix for path in made} >= {".png", ".csv", ".mp4"}
-    assert all(b"lab-pendulum 0.2.0" in path.read_bytes() for path in made)
+    run_main_job(folder / "clean" / "bin", tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="the rehearsal is written for bash")
+def test_the_archive_works_on_the_newest_python(rehearsed: tuple[Path, str], tmp_path: Path) -> None:
+    """Of those here; the wheel was installed on the oldest."""
+    (archive,) = (rehearsed[0] / "index").glob("lab_pendulum-0.2.0.tar.gz")
+    subprocess.run([pythons()[-1], "-m", "venv", tmp_path / "clean"], check=True)
+    subprocess.run([tmp_path / "clean" / "bin" / "pip", "install", "-q", archive], check=True, env=quiet())
+    run_main_job(tmp_path / "clean" / "bin", tmp_path)
