@@ -64,16 +64,17 @@ def _of_checkout(root: Path) -> str:
     kept = {key: value for key, value in os.environ.items() if not key.startswith("GIT_")}  # of a hook that calls us
 
     def git(*words: str) -> str:
-        done = subprocess.run(["git", "-C", str(root), *words], capture_output=True, text=True, env=kept, check=True)
-        return done.stdout.strip()
+        command = ["git", "--no-optional-locks", "-C", str(root), *words]  # a lock could stop a commit elsewhere
+        return subprocess.run(command, capture_output=True, text=True, env=kept, check=True).stdout.strip()
 
     try:
-        said = git("describe", "--tags", "--long", "--dirty", "--always", "--abbrev=9", "--match", "v[0-9]*")
-        found = re.fullmatch(r"(?:v(.+)-(\d+)-g)?([0-9a-f]+)(-dirty)?", said)
+        said = git("describe", "--tags", "--long", "--always", "--abbrev=9", "--match", "v[0-9]*")
+        found = re.fullmatch(r"(?:v(.+)-(\d+)-g)?([0-9a-f]+)", said)
         if not found:
             return ""
-        tag, ahead, commit, dirty = found.groups()
+        tag, ahead, commit = found.groups()
         ahead = ahead or git("rev-list", "--count", "HEAD")
+        dirty = git("status", "--porcelain", "--untracked-files=no")
     except (OSError, subprocess.CalledProcessError):
         return ""
     if tag and ahead == "0" and not dirty:
