@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import sys
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pendulum_env.common.beside import import_fault
-from pendulum_env.common.version import __version__ as __version__
 from pendulum_env.envs.limits import USUAL_ID, register
 
 if _fault := import_fault():
@@ -21,7 +21,7 @@ if _fault := import_fault():
     raise ImportError(_fault)
 
 if TYPE_CHECKING:
-    from pendulum_env import adapters, controllers, tasks, testing
+    from pendulum_env import adapters, bench, controllers, lab, plots, render, tasks, testing, web, window
     from pendulum_env.common.saved import load
     from pendulum_env.engine.code import code
     from pendulum_env.engine.result import Rollout
@@ -48,6 +48,8 @@ if TYPE_CHECKING:
     from pendulum_env.study.study import Study
     from pendulum_env.study.sweep import Sweep, sweep
     from pendulum_env.tasks import Task
+
+__version__: str  # asked for when it is wanted
 
 ENV_ID = USUAL_ID
 """Id of the environment for ``gym.make``. A change of physics or defaults that alters trajectories adds a v1; v0 stays.
@@ -85,8 +87,10 @@ _LAZY = {
     "transfer": "pendulum_env.envs.transfer",
 }
 """Public names that are imported on first use, and their modules."""
-_ROOMS = ("adapters", "controllers", "tasks", "testing", "web")
-"""Public modules that are imported on first use."""
+_ROOMS = ("adapters", "bench", "controllers", "lab", "plots", "render", "tasks", "testing", "web", "window")
+"""Rooms with public names of their own, which are imported on first use."""
+_WITH_EXTRAS = {"jax": "jax"}
+"""Further such rooms, and the package of an extra without which they cannot be imported."""
 
 __all__ = [
     "ENV_ID",
@@ -106,6 +110,7 @@ __all__ = [
     "adapters",
     "audit",
     "basins",
+    "bench",
     "code",
     "compare",
     "controllers",
@@ -113,8 +118,11 @@ __all__ = [
     "film",
     "fit",
     "growth",
+    "lab",
     "load",
     "measure",
+    "plots",
+    "render",
     "rollout",
     "section",
     "simplify",
@@ -124,19 +132,26 @@ __all__ = [
     "testing",
     "transfer",
     "web",
+    "window",
 ]
 
 
 def __getattr__(name: str) -> Any:
-    if name in _ROOMS:
+    if name in _ROOMS or name in _WITH_EXTRAS:
         return import_module(f"pendulum_env.{name}")
     if name in _LAZY:
         return getattr(import_module(_LAZY[name]), name)
+    if name == "__version__":
+        from pendulum_env.common.version import version
+
+        return version()
     raise AttributeError(f"module 'pendulum_env' has no attribute '{name}'")
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_LAZY, *_ROOMS})
+    """List the public names, and no others: those of ``__all__``, and rooms whose extra is installed."""
+    there = (name for name, package in _WITH_EXTRAS.items() if find_spec(package))
+    return sorted({"__all__", "__doc__", "__file__", "__name__", "__path__", "__version__", *__all__, *there})
 
 
 register()

@@ -25,7 +25,7 @@ from pendulum_env.bench.page import ASSETS
 from pendulum_env.bench.server import Handler, filled, serving
 from pendulum_env.bench.session import OrderError, sentence
 from pendulum_env.common.texts import clean
-from pendulum_env.common.version import __version__
+from pendulum_env.common.version import software
 from pendulum_env.lab.checked import RecordingError, spans
 from pendulum_env.lab.film import FilmTrack, follow
 from pendulum_env.lab.film.frames import Film, Shots
@@ -252,7 +252,7 @@ class FilmHandler(Handler):
 
 def document(nonce: str) -> str:
     """Return the page's HTML; ``nonce`` marks its own style and script, and the browser runs no other."""
-    return filled(ASSETS / "film.html", STYLES, SCRIPTS, {}, nonce, software=escape(f"LabPendulum {__version__}"))
+    return filled(ASSETS / "film.html", STYLES, SCRIPTS, {}, nonce, software=escape(software()))
 
 
 __all__ = ["FilmDesk", "ServedFilm", "serve", "served"]

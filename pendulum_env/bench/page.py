@@ -18,7 +18,7 @@ from pendulum_env.bench.server import Handler, filled, serving
 from pendulum_env.bench.session import Beside, Session
 from pendulum_env.bench.source import Source
 from pendulum_env.common.texts import clean
-from pendulum_env.common.version import __version__
+from pendulum_env.common.version import software
 from pendulum_env.engine.machine import fitting
 from pendulum_env.physics.presets import PURPOSES, SCENES, find_scene
 from pendulum_env.web.document import ASSETS as WEB
@@ -133,9 +133,8 @@ def document(session: Session, nonce: str) -> str:
     own = find_scene(beside.scene)
     scenes = {name: scene for name, scene in SCENES.items() if scene.omega0 > 0.0} | {beside.scene: own}
     shown = dict.fromkeys([*SHOWN_METHODS, beside.integrator])
-    software = f"LabPendulum {__version__}"
     data = {
-        "software": software,
+        "software": software(),
         "scenes": {name: {"about": PURPOSES.get(name, ""), "length": scene.body.reach,
                           "methods": [method for method in shown if method in set(fitting(scene))]}
                    for name, scene in scenes.items()},
@@ -143,7 +142,7 @@ def document(session: Session, nonce: str) -> str:
         "body": {"radius": own.body.radius, "reach": own.body.reach, "suspension": own.body.suspension,
                  "outline": own.body.outline},
     }
-    return filled(ASSETS / "acquire.html", STYLES, SCRIPTS, data, nonce, software=escape(software))
+    return filled(ASSETS / "acquire.html", STYLES, SCRIPTS, data, nonce, software=escape(software()))
 
 
 __all__ = ["Served", "serve", "served"]

@@ -21,7 +21,7 @@ import typer.main
 
 from pendulum_env.cli.console import LINE, open_streams, say
 from pendulum_env.common.texts import clean
-from pendulum_env.common.version import __version__, sources
+from pendulum_env.common.version import software
 
 NAME = "lab-pendulum"
 """Name of the program."""
@@ -197,7 +197,7 @@ def _sentence(error: Exception) -> str | None:
 def _version(wanted: bool) -> None:
     """Print the version, with a digest of the sources, and exit, if ``--version`` is given."""
     if wanted:
-        print(f"lab-pendulum {__version__}, sources {sources()}")
+        print(software())
         raise typer.Exit
 
 

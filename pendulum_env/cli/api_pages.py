@@ -92,7 +92,7 @@ def write_pages(folder: Path, pages: Sequence[str] | None = None) -> list[Path]:
     Raises SceneError where pdoc is not installed, OutputError where the folder cannot be written.
     """
     from pendulum_env.common.provenance import output_folder
-    from pendulum_env.common.version import __version__
+    from pendulum_env.common.version import software
 
     try:
         import pdoc
@@ -102,7 +102,7 @@ def write_pages(folder: Path, pages: Sequence[str] | None = None) -> list[Path]:
     if pages is None:
         pages = (*PAGES, *(name for name, package in WITH_EXTRAS.items() if find_spec(package)))
     place = output_folder(folder)
-    pdoc.render.configure(docformat="google", footer_text=f"lab-pendulum {__version__}")
+    pdoc.render.configure(docformat="google", footer_text=software())
     modules = {name: pdoc.doc.Module(resolved(name)) for name in pages}
     for module in modules.values():
         for entry in entries(module):

@@ -20,7 +20,7 @@ SCREEN = 80
 def list_(
     what: Annotated[
         str | None, typer.Argument(callback=options.lower, help="scenes, integrators, effects, bodies, tasks, "
-                                   "policies, events, formats, sources, ids, settings; all by default.")
+                                   "policies, events, formats, sources, units, ids, settings; all by default.")
     ] = None,
     scene: options.SceneOrNone = None,
     damping: options.Damping = "scene",
@@ -28,7 +28,7 @@ def list_(
     csv: Annotated[bool, options.flag("Print CSV, with all columns.", "--csv")] = False,
     markdown: Annotated[bool, options.flag("Print tables in Markdown.", "--markdown")] = False,
 ) -> None:
-    """List scenes, integrators, effects, bodies, tasks, policies, events, formats of recordings, live sources,
+    """List scenes, integrators, effects, bodies, tasks, policies, events, formats of recordings, live sources, units,
     environments' ids and settings.
 
     A list fits one screen; --all prints more. --scene describes one scene or, after integrators, lists those that

@@ -21,6 +21,7 @@ import typer
 from pendulum_env.cli.console import bar
 from pendulum_env.common.checks import shown, warn
 from pendulum_env.common.provenance import checked_folder
+from pendulum_env.physics.angles import SEE
 from pendulum_env.physics.damping import build_scene, parse_damping, parse_settings, typed, typed_values
 from pendulum_env.physics.scene import Scene
 from pendulum_env.physics.units import SceneError, one_of
@@ -115,8 +116,8 @@ def _degrees(value: float | None) -> float | None:
         return None
     meant = math.degrees(value)
     if abs(value) < math.tau and abs(meant - 5.0 * round(meant / 5.0)) < ROUND and abs(meant) > 1.0:
-
-        warn(f"Angles on the command line are in degrees: {value:g} rad would be {5 * round(meant / 5.0)} degrees.")
+        near = 5 * round(meant / 5.0)
+        warn(f"Angles on the command line are in degrees: {value:g} rad would be {near} degrees; {SEE}.")
     return math.radians(value)
 
 

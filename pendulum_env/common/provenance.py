@@ -17,7 +17,7 @@ from typing import Any
 from pendulum_env.common.checks import file_path
 from pendulum_env.common.replacing import OutputError, replacing
 from pendulum_env.common.texts import clean, for_csv
-from pendulum_env.common.version import __version__, sources
+from pendulum_env.common.version import NAME, sources, version
 
 __all__ = ["OutputError", "checked_folder", "output_folder", "provenance", "write_csv"]
 
@@ -28,7 +28,7 @@ def provenance(**facts: Any) -> dict[str, str]:
     Facts are what describes the file: scene, method, dt, ...
     """
     command = shlex.join([Path(sys.argv[0]).name, *sys.argv[1:]])
-    base = {"Software": f"lab-pendulum {__version__}", "Sources": sources(), "Command": command,
+    base = {"Software": f"{NAME} {version()}", "Sources": sources(), "Command": command,
             "Python": platform.python_version()}
     texts = {name: value if isinstance(value, str) else json.dumps(value) for name, value in facts.items()}
     return {name: clean(text, None) for name, text in {**base, **texts}.items()}

@@ -20,7 +20,7 @@ import numpy as np
 from pendulum_env.common.checks import warn, warn_once
 from pendulum_env.common.sources import executed
 from pendulum_env.common.trust import own_bytes, own_folder, write_own
-from pendulum_env.common.version import __version__
+from pendulum_env.common.version import built
 from pendulum_env.engine.source import TEXT
 from pendulum_env.physics.units import nearest, shown
 
@@ -319,7 +319,7 @@ def _digest(text: str) -> str:
     import numba
 
     llvm = vars(sys.modules["llvmlite"])["__version__"]  # a part of numba, which has imported it
-    versions = (__version__, numba.__version__, llvm, platform.machine(), sys.version)
+    versions = (built(), numba.__version__, llvm, platform.machine(), sys.version)
     return hashlib.sha256(repr((text, *rewriting(), *versions)).encode()).hexdigest()[:24]
 
 

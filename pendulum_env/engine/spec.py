@@ -31,6 +31,7 @@ from pendulum_env.engine.random_streams import Streams
 from pendulum_env.engine.runs import RecordSchedule, Runs
 from pendulum_env.engine.settings import CommonSettings, RunSettings, SceneLike
 from pendulum_env.engine.shape import DIVERGED, STOP_REASONS
+from pendulum_env.physics.angles import SEE
 from pendulum_env.physics.damping import Damping, build_scene
 from pendulum_env.physics.effects import Effect
 from pendulum_env.physics.flow import still_torque
@@ -409,7 +410,7 @@ def far_away(angle: Array) -> Iterator[str]:
         yield f"An initial angle of {degrees:.10g} degrees is {turns:.3g} turns from the bottom."
     elif turns > TURNS or beyond:
         yield (f"Angles are in radians: an initial angle of {far:g} rad is {turns:.3g} turns from the bottom; {far:g} "
-               f"degrees would be {math.radians(far):.4g} rad.")
+               f"degrees would be {math.radians(far):.4g} rad; {SEE}.")
 
 
 def strange_numbers(spec: RunSpec) -> Iterator[str]:

@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from integrators import METHODS, Method
-from pendulum_env.common.version import __version__
+from pendulum_env.common.version import software
 from pendulum_env.exercise.figures import ENDS, LOWEST, SIGN, STRIP, WIDTH, Labels, colour, recording_label, spans
 from pendulum_env.exercise.given import Given
 from pendulum_env.exercise.large_angles import AMPLITUDES, PERIODS, Series
@@ -62,7 +62,7 @@ def programs(worked: Worked, labels: Labels, templates: Environment) -> Iterator
         stem = name.removesuffix(".py")
         template = "part_2_6_by_hand.py" if stem == "part_2_6" and worked.recorded.by_hand is not None else name
         text = templates.get_template(f"programs/{template}.j2").render(
-            file=name, stem=stem, version=__version__, labels=labels, width=WIDTH, strip=STRIP, lowest=LOWEST,
+            file=name, stem=stem, software=software(), labels=labels, width=WIDTH, strip=STRIP, lowest=LOWEST,
             sign=SIGN, grey=EXACT["color"], blue=OKABE_ITO["blue"], first_swings=FIRST_SWINGS, dt=STEP,
             colours={one: colour(one) for one in worked.small.runs}, simulated=worked.given.simulated,
             recording_label=recording_label(worked, labels), by_hand=worked.given.amplitudes is not None, **given[stem],

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from pendulum_env.common.checks import float_array
 from pendulum_env.common.texts import NOTE, clean
+from pendulum_env.physics.angles import SEE
 from pendulum_env.physics.units import SceneError, file_path, number, shown, whole_number
 
 FloatArray = NDArray[np.float64]
@@ -150,7 +151,7 @@ def check_half_turn(angle: FloatArray, what: str) -> None:
         raise RecordingError(
             f"{what} swings below half a turn, but the bob goes over the top: read as radians, {largest:.3g} is "
             f"{math.degrees(largest):.3g}°. If the readings are degrees, give unit=deg (--unit deg); if they "
-            "are angular velocities, columns=\"time=1,rate=2\" (--columns time=1,rate=2).")
+            f"are angular velocities, columns=\"time=1,rate=2\" (--columns time=1,rate=2); {SEE}.")
 
 
 def chosen(name: str, what: str, parts: Sequence[str], part: str | None, best: Sequence[str] = ()) -> str:

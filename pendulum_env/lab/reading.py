@@ -36,6 +36,7 @@ from pendulum_env.lab.quantities import (
 from pendulum_env.lab.table import DAY, DECIMALS, SEPARATORS, TextTable
 from pendulum_env.lab.tracks import Y_AXES, about_pivot
 from pendulum_env.lab.turning import hidden_in
+from pendulum_env.physics.angles import SEE
 from pendulum_env.physics.units import SceneError, number, shown
 
 UNITS = {name: unit.size for name, unit in ANGLE.units.items()}
@@ -458,7 +459,7 @@ def _counts_in_turn(table: TextTable, layout: ColumnLayout, values: FloatArray) 
     sure = RAW.names(title) or any(one in title.upper() for one in TURNS)
     if turn and float(values.max(initial=0.0)) < _TURN and not sure:
         raise RecordingError(f"{table.name}: readings of {title!r} are whole numbers below 360, which may be degrees "
-                             f"or counts of the encoder: give unit=deg, or scale=360/{turn} and unit=deg")
+                             f"or counts of the encoder: give unit=deg, or scale=360/{turn} and unit=deg; {SEE}")
     return turn
 
 
@@ -477,7 +478,7 @@ def _unit(table: TextTable, layout: ColumnLayout, angle: FloatArray, given: str 
     largest, quantum = float(np.abs(angle).max(initial=0.0)), quantum_level(angle)
     if ANGLE.names(title) and largest > _TURN and float(angle.min()) >= 0.0 and bool((angle == np.round(angle)).all()):
         raise RecordingError(f"{table.name}: readings of {title!r} are whole numbers up to {largest:g}, which may be "
-                             f"{RAW.name} or degrees: {RAW.remedy}; for degrees give unit=deg")
+                             f"{RAW.name} or degrees: {RAW.remedy}; for degrees give unit=deg; {SEE}")
     if largest <= 2 * math.pi and quantum > _COARSE:
         return "deg", f"inferred: steps of {quantum:.3g} are too coarse for radians (unit= overrides)"
     unit, side = ("deg", "above") if largest > 2 * math.pi else ("rad", "not above")

@@ -25,7 +25,7 @@ from integrators import METHODS, Method, analysis, get
 from pendulum_env.common.languages import tables
 from pendulum_env.common.progress import Progress, told_by, with_bar
 from pendulum_env.common.replacing import replacing
-from pendulum_env.common.version import __version__
+from pendulum_env.common.version import software
 from pendulum_env.engine.generate import program
 from pendulum_env.engine.javascript import javascript, translated
 from pendulum_env.engine.machine import Machine, fitting, offers
@@ -123,7 +123,7 @@ def page(
         tell(i / len(chosen), name)
         scene_data[name] = scene_of(scene, methods, texts)
     data: dict[str, Any] = {
-        "version": VERSION, "software": f"LabPendulum {__version__}", "most": MOST_PENDULUMS, "scenes": scene_data,
+        "version": VERSION, "software": software(), "most": MOST_PENDULUMS, "scenes": scene_data,
         "methods": {method.name: method_of(method) for method in methods},
         "aliases": {alias: method.name for method in methods for alias in method.aliases},
         "number": NUMBER_FORM, "shortest": SHORTEST, "longest": LONGEST,

@@ -148,6 +148,13 @@ def in_a_process(name: str, folder: Path, out: Any, **settings: str) -> tuple[in
     return done.returncode, done.stdout, done.stderr, {str(path.relative_to(folder)) for path in folder.rglob("*")}
 
 
+def without_origin(folder: Path) -> list[str]:
+    """Return the files in a folder that lack the version, but for a commit, or the digest of the sources."""
+    wanted = (f"lab-pendulum {__version__.partition('+')[0]}".encode(), sources().encode())
+    return [str(path.relative_to(folder)) for path in folder.rglob("*")
+            if path.is_file() and not all(text in path.read_bytes() for text in wanted)]
+
+
 ON_A_FULL_DISK = {name for name in SHORT if name != "demo" and (FULL or turn_of(name, 3) == 1)}
 """All but the tour with LAB_PENDULUM_GRID=full; the tour prints each chapter when its files are written."""
 
@@ -155,14 +162,16 @@ ON_A_FULL_DISK = {name for name in SHORT if name != "demo" and (FULL or turn_of(
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SHORT)
 def test_every_command_prints_in_an_encoding_after_its_files_are_saved(name: str, tmp_path: Path) -> None:
-    """In one that its name chooses. A full disk behind the standard output, where nothing can be printed, costs no
-    file: of one command in three, because all print by the same functions.
+    """In one that its name chooses. Each file names version and sources, but for the film that a command was given. A
+    full disk behind the standard output, where nothing can be printed, costs no file: of one command in three, because
+    all print by the same functions.
     """
     encoding = chosen(ENCODINGS, name)
     code, out, said, files = in_a_process(name, tmp_path / encoding, subprocess.PIPE, PYTHONIOENCODING=encoding)
     assert code == 0, said
     assert out.decode(encoding)
     assert b"Traceback" not in said
+    assert [path for path in without_origin(tmp_path / encoding) if path != "swing.mp4"] == []
     if name in ON_A_FULL_DISK and Path("/dev/full").exists():
         with open("/dev/full", "w") as full:
             code, _, said, saved = in_a_process(name, tmp_path / "full", full, PYTHONUNBUFFERED="1")

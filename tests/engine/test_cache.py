@@ -64,7 +64,7 @@ def test_code_that_was_rewritten_in_another_way_is_not_taken(tmp_path: Path, mon
     for _ in range(2):
         kernels.compiled(found.text, found.title)
     assert len(list(tmp_path.glob("*.py"))) == 1
-    monkeypatch.setattr(kernels, "__version__", "99.0")
+    monkeypatch.setattr(kernels, "built", lambda: "99.0")
     kernels.compiled(found.text, found.title)
     assert len(list(tmp_path.glob("*.py"))) == 2
     monkeypatch.setattr(kernels, "rewriting", lambda: ("another",))
@@ -144,7 +144,7 @@ OTHERS: dict[str, Callable[[pytest.MonkeyPatch], None]] = {
     "processor": other_processor,
     "numba": lambda patch: patch.setattr(numba, "__version__", "99.0"),
     "llvmlite": lambda patch: patch.setattr(llvmlite, "__version__", "99.0"),
-    "package": lambda patch: patch.setattr(kernels, "__version__", "99.0"),
+    "package": lambda patch: patch.setattr(kernels, "built", lambda: "99.0"),
 }
 
 

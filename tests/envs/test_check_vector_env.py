@@ -6,14 +6,18 @@ Right vector environments are Gymnasium's own. A broken one is Gymnasium's SyncV
 from __future__ import annotations
 
 import copy
+import subprocess
 from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 import pytest
+from beside import environment
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from readme_code import ROOT
 
 from pendulum_env.tasks import TASKS
 from pendulum_env.testing import VectorCheck, VectorReport, check_vector_env
@@ -100,6 +104,50 @@ def check_complete(report: VectorReport, deterministic: bool) -> None:
     assert {(check.name, check.said) for check in report.skipped} == (
         {("starts", "all seeds give the same start")} if deterministic else set())
     assert {("equality", mode.value) for mode in AutoresetMode} <= outcomes(report, "passed")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("wrapper", "failed"), [("NormalizeObservation", {"seeds"}),
+                                                 ("RecordEpisodeStatistics", {"seeds", "pickling", "ignored action"})])
+def test_gymnasiums_wrappers_have_the_faults_that_the_page_names(wrapper: str, failed: set[str]) -> None:
+    """A running mean that a seed does not reset, and times of the clock in infos."""
+    def made(num_envs: int) -> Any:
+        single = partial(gym.make, "Pendulum-v1", max_episode_steps=20)
+        return getattr(gym.wrappers.vector, wrapper)(gym.vector.SyncVectorEnv([single] * num_envs))
+
+    report = check_vector_env(made, raises=False)
+    assert {check.name for check in report.failed} == failed
+
+
+OTHERS = """
+from functools import partial
+from pathlib import Path
+import gymnasium as gym
+from pendulum_env.testing import check_vector_env
+
+for name, wanted in {"CartPole-v1": ["observations", "rewards, endings", "seeds", "pickling", "restarts"],
+                     "Pendulum-v0": ["attributes"]}.items():
+    make = partial(gym.make_vec, f"phys2d/{name}", vectorization_mode="vector_entry_point", max_episode_steps=20)
+    report = check_vector_env(make, raises=False)
+    assert [check.name for check in report.failed] == wanted, report
+print("as the page says")
+"""
+
+
+@pytest.mark.slow
+def test_foreign_vectors_have_the_faults_that_the_page_names(
+    tmp_path_factory: pytest.TempPathFactory, tmp_path: Path
+) -> None:
+    """EnvPool's by example 23, those of Gymnasium in JAX, in an environment that has both."""
+    python = environment(tmp_path_factory, "vectors", "envpool==1.2.5", "gymnasium[jax]==1.4.0")
+    ran = subprocess.run([python, ROOT / "examples" / "23_check_your_vector.py"], cwd=tmp_path, capture_output=True,
+                         text=True, check=False)
+    assert ran.returncode == 0, ran.stderr
+    assert "EnvPool's CartPole: 0 passed, 1 failed" in ran.stdout
+    ran = subprocess.run([python, "-W", "ignore", "-c", OTHERS], cwd=tmp_path, capture_output=True, text=True,
+                         check=False)
+    assert ran.returncode == 0, ran.stderr
+    assert "as the page says" in ran.stdout
 
 
 def test_ours_passes_everything() -> None:

@@ -48,7 +48,8 @@ def worked(tmp_path_factory: pytest.TempPathFactory) -> Worked:
 def page(worked: Worked, key: bool) -> str:
     """The page without its figures."""
     drawn = {draw.__name__: report.Drawing(i + 1, "") for i, draw in enumerate(figures_of(worked))}
-    return " ".join(report.page(worked, drawn, "", key, {"Software": "x", "Python": "y", "Command": "z"}).split())
+    facts = {"Software": "x", "Sources": "s", "Python": "y", "Command": "z"}
+    return " ".join(report.page(worked, drawn, "", key, facts).split())
 
 
 def test_the_numbers_are_those_of_measure_and_the_truth(worked: Worked) -> None:

@@ -254,7 +254,7 @@ def test_an_own_step_is_named_by_what_it_does() -> None:
 LABELS = language_of("en").figures
 DRAWINGS = {draw.__name__: report.Drawing(i + 1, "") for i, draw in enumerate(FIGURES)}
 """The figures of a page, without what they draw."""
-FACTS = {"Software": "x", "Python": "y", "Command": "z"}
+FACTS = {"Software": "x", "Sources": "s", "Python": "y", "Command": "z"}
 
 
 def rendered(worked: Worked, key: bool, name: str = "") -> str:

@@ -28,7 +28,7 @@ ALIKE = {
 }
 """Names of texts that are the same in both languages: symbols, numbers, and words such as Simulation and linear."""
 VALUE, EQUATION = re.compile(r"\{\w*\}"), re.compile(r"\$.*?\$")
-FACTS = {"Software": "x", "Python": "y", "Command": "z"}
+FACTS = {"Software": "x", "Sources": "s", "Python": "y", "Command": "z"}
 
 
 @pytest.fixture(scope="module")

@@ -192,7 +192,7 @@ def test_programs_are_readable(worked: Worked) -> None:
 
 def test_the_report_names_the_programs(worked: Worked) -> None:
     drawings = {draw.__name__: report.Drawing(i + 1, "") for i, draw in enumerate(FIGURES)}
-    facts = {"Software": "x", "Python": "y", "Command": "z"}
+    facts = {"Software": "x", "Sources": "s", "Python": "y", "Command": "z"}
     page = report.page(worked, drawings, "", False, facts)
     assert all(page.count(f"<code>{name}</code>") == 1 for name in program_names(worked))
     assert "part_1_1.py" in page

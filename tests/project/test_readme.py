@@ -26,7 +26,7 @@ MANY = ("= simulated_recording()", "lab.simulated_recording()", "num_envs=1000)"
 """Texts of blocks with too many steps to be interpreted."""
 ROOMS = ("integrators", "pendulum_env/physics", "pendulum_env/engine", "pendulum_env/lab", "pendulum_env/bench",
          "pendulum_env/exercise", "pendulum_env/study", "pendulum_env/web", "pendulum_env/envs", "pendulum_env/jax",
-         "pendulum_env/hard_cases", "examples/benchmarks", "tests")
+         "pendulum_env/hard_cases", "pendulum_env/testing", "examples/benchmarks", "tests")
 """Folders that have a page of their own."""
 FILM = {"angle": math.radians(60.0), "velocity": 0.0, "dt": 0.01, "damping": "none", "suspension": "rod",
         "backend": "python"}

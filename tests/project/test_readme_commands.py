@@ -37,7 +37,8 @@ SHORTER = {
         "--walker-steps 30",
     "lab-pendulum list integrators": "", "lab-pendulum list integrators --all": "",
     "lab-pendulum list formats --all": "", "lab-pendulum list sources --all": "",
-    "lab-pendulum list ids --all": "", "lab-pendulum list settings --all": "", "lab-pendulum acquire --help": "",
+    "lab-pendulum list ids --all": "", "lab-pendulum list settings --all": "", "lab-pendulum list units --all": "",
+    "lab-pendulum acquire --help": "",
     "lab-pendulum acquire": "--headless --duration 0.3",
     "lab-pendulum acquire --from bench": "--headless --duration 0.3",
     "lab-pendulum acquire --from virtual --headless --duration 30 --out swing.csv": "--duration 0.3",
@@ -91,8 +92,6 @@ ELSEWHERE = {
     "lab-pendulum show --integrators forward_euler,symplectic_euler,rk4 --angle 45 --window 1600x900":
         "window/test_show.py",
     "lab-pendulum show --policy swing_up": "window/test_show.py",
-    'pip install -e ".[docs]"': "project/test_api_pages.py",
-    "python -m pendulum_env.cli.api_pages out/api": "project/test_api_pages.py",
     "python tests/support/guard.py": "engine/test_guard.py",
     "python tests/support/regenerate.py": "project/test_one_entry.py",
     "python tests/support/forty_digits.py": "hard_cases/test_predicted.py",

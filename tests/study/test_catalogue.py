@@ -22,6 +22,7 @@ ELSEWHERE = "integrators"
 """List that another module tests, because its limits take seconds to compute."""
 REGISTRIES = {"scenes": SCENES, "effects": EFFECTS, "bodies": BODIES, "events": EVENTS, "tasks": TASKS,
               "policies": POLICIES,
+              "units": ["Python", "command line", "window, pages", "scenes, results", "recordings"],
               "sources": [kind.form() for kind in SOURCES.values()],
               "formats": [re.sub("^an? ", "", quantity.name) for quantity in QUANTITIES] + [
                   file.name for file in FORMATS]}

@@ -32,6 +32,7 @@ from pendulum_env.lab.quantities import (
     pattern,
 )
 from pendulum_env.lab.table import TextTable
+from pendulum_env.physics.angles import SEE
 
 __all__ = ["DRIVES", "DrivenLog", "is_driven"]
 
@@ -344,4 +345,4 @@ def _likely_unit(log: DrivenLog) -> tuple[str, str]:
     if largest <= math.tau:
         return "rad", f"inferred: the largest |angle|, {largest:.4g}, is not above 2 pi (unit= overrides)"
     raise RecordingError(f"{log.source}: the angle, up to {largest:.4g}, may be in radians, of a bob that rotates, or "
-                         'in degrees; give unit="rad" or unit="deg"')
+                         f'in degrees; give unit="rad" or unit="deg"; {SEE}')

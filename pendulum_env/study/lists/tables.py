@@ -1,4 +1,4 @@
-"""Tables of scenes, integrators, effects, bodies, tasks, policies, events, formats and sources; effects as text."""
+"""Tables of scenes, bodies, integrators, effects, tasks, policies, events, formats, sources, units; effects as text."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from pendulum_env.controllers import load as load_policy
 from pendulum_env.engine.motion import EVENTS
 from pendulum_env.lab.containers import FORMATS
 from pendulum_env.lab.quantities import QUANTITIES
+from pendulum_env.physics import angles
 from pendulum_env.physics.bodies import BODIES
 from pendulum_env.physics.body import RigidBody
 from pendulum_env.physics.effects import EFFECTS, Effect
@@ -104,9 +105,10 @@ TABLES: Mapping[str, Callable[[], Table]] = MappingProxyType({
     "sources": lambda: Table(
         ("source", "what it is", "extra", "tested with"),
         tuple((kind.form(), kind.about, kind.extra or "-", kind.tested) for kind in SOURCES.values())),
+    "units": lambda: Table(angles.HEAD, angles.ROWS),
 })
 """Functions that return the tables, by name: of scenes (effects, purpose), integrators (order, stability limits, ...),
-effects, bodies, tasks (rewards), events, quantities in files of recordings, and sources of live samples."""
+effects, bodies, tasks (rewards), events, quantities in files of recordings, sources of live samples, and units."""
 
 
 LINES = 2

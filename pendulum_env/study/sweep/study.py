@@ -34,7 +34,7 @@ Run = Callable[[Point], Mapping[str, Any]]
 Source = Generator[tuple[int, Callable[[], Any]], None, None]
 """Generator of pairs: the number of a point, and a function that returns its result, or the Exception of its run."""
 
-SAME = ("Software", "Sources", "Run", "Shared", "Points", "Fingerprint")
+SAME = ("Sources", "Run", "Shared", "Points", "Fingerprint")
 """Facts that a journal must share with the sweep that continues it."""
 ON_ERROR = ("raise", "record")
 ERROR = "error"
