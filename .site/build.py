@@ -1,0 +1,225 @@
+"""Build the documentation site: ``python .site/build.py out/site``. See README.md beside this file.
+
+``stage`` writes the sources that Sphinx reads. Of a room's README each section is a page of its own, so that a search
+leads to it. Links between READMEs, to examples, to files and to folders lead to pages. Pages of environments, commands
+and public names are made from what the package declares.
+"""
+
+from __future__ import annotations
+
+import ast
+import os
+import re
+import shutil
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path, PurePosixPath
+from posixpath import normpath
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parent
+FOLDERS = ("integrators", "pendulum_env", "examples", "tests")
+"""Folders whose READMEs become pages; the front page is the site's first one."""
+LINK = re.compile(r"(\]\()(?!\w+:)([^)\s]+)(\))")
+"""A link or a picture of Markdown whose target is no address."""
+EXAMPLE = re.compile(r"examples/[0-9]\w*\.py")
+LARGEST = 60_000
+"""Files above this size are shown up to it."""
+LANGUAGES = {".py": "python", ".json": "json", ".yml": "yaml", ".cpp": "cpp", ".js": "javascript", ".toml": "toml"}
+
+
+def readmes() -> dict[str, str]:
+    """Return the text of every room's README, by its path below the project's folder."""
+    paths = [path for folder in FOLDERS for path in sorted((ROOT / folder).rglob("README.md"))]
+    return {path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8") for path in paths}
+
+
+def outside_code(change: Callable[[str], str], text: str) -> str:
+    """Return a text in which all but the blocks of code is changed."""
+    parts = re.split(r"(^```.*?^```$)", text, flags=re.S | re.M)
+    return "".join(part if i % 2 else change(part) for i, part in enumerate(parts))
+
+
+def slug(heading: str) -> str:
+    """Return the anchor of a heading, as GitHub and MyST make it."""
+    return re.sub(r"[^\w -]", "", heading).strip().lower().replace(" ", "-")
+
+
+def sections(text: str) -> list[tuple[str, str]]:
+    """Return the sections of a README, title and text below it; the first is what stands above all others."""
+    marked = outside_code(lambda part: re.sub(r"^## ", "\0", part, flags=re.M), text)
+    first, *rest = marked.split("\0")
+    title, _, intro = first.strip().removeprefix("# ").partition("\n")
+    return [(title, intro), *((part.partition("\n")[0].strip(), part.partition("\n")[2]) for part in rest)]
+
+
+class Site:
+    """The sources of the site in a folder, and where what a link names is to be found there."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.rooms = {path: sections(text) for path, text in readmes().items()}
+        self.anchors = {(path, anchor): place for path, parts in self.rooms.items()
+                        for anchor, place in self._anchors(path, parts)}
+        self.asked: set[str] = set()
+
+    @staticmethod
+    def _anchors(path: str, parts: list[tuple[str, str]]) -> Iterator[tuple[str, str]]:
+        """Yield each heading's anchor in a README, and the page and anchor that it has on the site."""
+        yield "", f"/{path}"
+        room = PurePosixPath(path).parent
+        for title, text in parts[1:]:
+            page = f"/{room}/{slug(title)}.md"
+            yield slug(title), page
+            for heading in re.findall(r"^###+ (.*)$", re.sub(r"^```.*?^```$", "", text, flags=re.S | re.M), flags=re.M):
+                yield slug(heading), f"{page}#{slug(heading)}"
+
+    def target(self, link: str, source: str) -> str:
+        """Return where a link of the README ``source`` leads on the site; what has no page yet is made later."""
+        name, _, anchor = link.partition("#")
+        path = normpath(f"{PurePosixPath(source).parent}/{name}") if name else source
+        if path in self.rooms or f"{path}/README.md" in self.rooms:
+            return self.anchors[path if path in self.rooms else f"{path}/README.md", anchor]
+        if path == "README.md":
+            return f"/index.md{'#' * bool(anchor)}{anchor}"
+        if EXAMPLE.fullmatch(path):
+            return f"/{path.removesuffix('.py')}.md"
+        if path.endswith((".png", ".gif", ".ipynb", ".md")):
+            return f"/{path}"
+        self.asked.add(path)
+        return f"/sources/{path}.md"
+
+    def relinked(self, text: str, source: str) -> str:
+        """Return a README's text with links that hold on the site."""
+        return outside_code(lambda part: LINK.sub(
+            lambda found: f"{found[1]}{self.target(found[2], source)}{found[3]}", part), text)
+
+    def write(self, page: str, text: str) -> None:
+        """Write a page, given by its path on the site; ``.md`` may be left out."""
+        path = self.folder / (page if page.endswith(".rst") else f"{page.removesuffix('.md')}.md")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+
+    # --- pages from READMEs -----------------------------------------------------------------------------------------
+
+    def guides(self, placed: set[str]) -> None:
+        """Write the pages of all rooms; sections that no list of ours has ``placed`` are below their room's page."""
+        titles = [title for parts in self.rooms.values() for title, _ in parts]
+        for path, parts in self.rooms.items():
+            room = str(PurePosixPath(path).parent)
+            rest = []
+            for title, text in parts[1:]:
+                short = titles.count(title) > 1 or len(title.split()) < 3
+                name = f"{room}/{slug(title)}"
+                lifted = outside_code(lambda part: re.sub(r"^#(#{2,} )", r"\1", part, flags=re.M), text)
+                self.write(name, f"# {title}{f' ({PurePosixPath(room).name})' * short}\n{self.relinked(lifted, path)}")
+                rest += [f"/{name}"] * (name not in placed)
+            self.write(f"{room}/README", f"# {parts[0][0]}\n{self.relinked(parts[0][1], path)}\n{toctree(rest)}")
+
+    def front(self, names: list[str]) -> None:
+        """Write the first page: the front page, with the site's contents."""
+        text = (ROOT / "README.md").read_text(encoding="utf-8")
+        self.write("index", f"{self.relinked(text, 'README.md')}\n{toctree(names, 'hidden')}")
+
+    def gallery(self) -> None:
+        """Write the page of all pictures in READMEs, each with its caption, which has the command that made it."""
+        entries = []
+        for path, text in {"README.md": (ROOT / "README.md").read_text(encoding="utf-8"), **readmes()}.items():
+            for picture, caption in re.findall(r"^(!\[[^\]]*\]\([^)]+\))\n(?:\n(\*.*?\*)\n\n)?", text + "\n\n",
+                                               flags=re.S | re.M):
+                place = self.target("", path) if path in self.rooms else "/index.md"
+                name = PurePosixPath(picture.partition("](")[2].rstrip(")")).stem.replace("_", " ").capitalize()
+                if f"## {name}" not in "\n".join(entries):
+                    entries.append(f"## {name}\n\n" + self.relinked(f"{picture}\n\n{caption}", path)
+                                   + f"\n\nFrom [{place_title(self, path)}]({place}).")
+        self.write("gallery", (HERE / "pages" / "gallery.md").read_text(encoding="utf-8") + "\n\n".join(entries) + "\n")
+
+    def examples(self) -> None:
+        """Write a page for each example, and the list of them."""
+        paths = sorted((ROOT / "examples").glob("[0-9]*.py"))
+        for path in paths:
+            says = re.split(r"[:.](?=\s|$)", ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or "")[0]
+            self.source(f"examples/{path.name}", f"examples/{path.stem}", says)
+        self.write("examples/index", "# Examples\n\nShort programs, each of which runs headless and checks its result.\n\n"
+                   + toctree([f"/examples/{path.stem}" for path in paths]))
+
+    def source(self, path: str, page: str, title: str = "") -> None:
+        """Write a page that shows a file, or lists a folder."""
+        place = ROOT / path
+        head = f"---\nnosearch: true\norphan: true\n---\n\n# {title or f'`{path}`'}\n\n"
+        if place.is_dir():
+            names = sorted(each.name for each in place.iterdir() if not each.name.startswith(("_", "."))
+                           and each.suffix in LANGUAGES)
+            self.write(page, head + "".join(f"- [{name}](/sources/{path}/{name}.md)\n" for name in names))
+            for name in names:
+                self.source(f"{path}/{name}", f"sources/{path}/{name}")
+            return
+        text = place.read_text(encoding="utf-8")
+        cut = f"The first {LARGEST} characters.\n\n" if len(text) > LARGEST else ""
+        if title:
+            head = head.replace("orphan: true\n", "").replace("nosearch: true\n", "")
+            head = head.removeprefix("---\n---\n\n") + f"`{path}`\n\n"
+        self.write(page, f"{head}{cut}````{LANGUAGES.get(place.suffix, 'text')}\n{text[:LARGEST]}\n````\n")
+
+
+def place_title(site: Site, path: str) -> str:
+    """Return the title of a README's page."""
+    return site.rooms[path][0][0] if path in site.rooms else "the front page"
+
+
+def toctree(names: list[str], *options: str) -> str:
+    """Return a list of pages, as MyST writes it."""
+    lines = [":maxdepth: 1", *(f":{option}:" for option in options), "", *names]
+    return "```{toctree}\n" + "\n".join(lines) + "\n```\n" if names else ""
+
+
+def placed() -> dict[str, list[str]]:
+    """Return the sections of READMEs that the pages in ``pages`` list, by the page."""
+    return {path.stem: re.findall(rf"^/?((?:{'|'.join(FOLDERS)})/[\w/-]+)$", path.read_text(encoding="utf-8"), flags=re.M)
+            for path in sorted((HERE / "pages").glob("*.md"))}
+
+
+def stage(folder: Path) -> None:
+    """Write all that Sphinx reads into a folder."""
+    from generated import pages
+
+    from pendulum_env import web
+
+    shutil.copytree(HERE / "static", folder / "_static")
+    shutil.copytree(ROOT / "examples" / "figures", folder / "examples" / "figures")
+    for book in (ROOT / "examples").glob("*.ipynb"):
+        shutil.copy(book, folder / "examples")
+    site = Site(folder)
+    for own in (HERE / "pages").rglob("*.md"):
+        site.write(own.relative_to(HERE / "pages").as_posix(), site.relinked(own.read_text(encoding="utf-8"), "README.md"))
+    site.guides({name for names in placed().values() for name in names})
+    site.front(["tutorials", "how-to", "environments/index", "reference", "explanation", "gallery", "lab-page",
+                "maintainers"])
+    site.gallery()
+    site.examples()
+    site.write("CHANGELOG", site.relinked((ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), "CHANGELOG.md"))
+    for page, text in pages():
+        site.write(page, text)
+    for path in sorted(site.asked):
+        site.source(path, f"sources/{path}")
+    web.write(folder / "_static" / "lab.html")
+
+
+def build(place: Path, *options: str) -> int:
+    """Build the site in a folder; return Sphinx's exit code, which is not 0 if it warns of anything."""
+    from sphinx.cmd.build import main
+
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary) / "sources"
+        stage(folder)
+        return main(["-q", "-W", "--keep-going", "-j", "2", "-c", str(HERE), "-D", f"html_static_path={folder}/_static",
+                     *options, str(folder), str(place)])
+
+
+if __name__ == "__main__":
+    if len(sys.argv) < 2:
+        sys.exit("Name the folder for the pages, as in: python .site/build.py out/site")
+    sys.path.insert(0, str(HERE))
+    os.environ["PYTHONWARNINGS"] = "ignore"
+    sys.exit(build(Path(sys.argv[1]), *sys.argv[2:]))
