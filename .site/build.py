@@ -1,7 +1,7 @@
 """Build the documentation site: ``python .site/build.py out/site``. See README.md beside this file.
 
 ``stage`` writes the sources that Sphinx reads. Of a room's README each section is a page of its own, so that a search
-leads to it. Links between READMEs, to examples, to files and to folders lead to pages. Pages of environments, commands
+leads to it. Links between READMEs, to examples and to files hold on the site. Pages of environments, commands
 and public names are made from what the package declares.
 """
 
@@ -21,12 +21,10 @@ HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
 FOLDERS = ("integrators", "pendulum_env", "examples", "tests")
 """Folders whose READMEs become pages; the front page is the site's first one."""
-LINK = re.compile(r"(\]\()(?!\w+:)([^)\s]+)(\))")
-"""A link or a picture of Markdown whose target is no address."""
+LINK = re.compile(r"(!?)\[((?:[^\[\]]|\[[^\]]*\])*)\]\((?!\w+:)([^)\s]+)\)")
+"""A link or a picture of Markdown whose target is no address: the mark of a picture, text, target."""
 EXAMPLE = re.compile(r"examples/[0-9]\w*\.py")
-LARGEST = 60_000
-"""Files above this size are shown up to it."""
-LANGUAGES = {".py": "python", ".json": "json", ".yml": "yaml", ".cpp": "cpp", ".js": "javascript", ".toml": "toml"}
+"""Path of an example, which has a page."""
 
 
 def readmes() -> dict[str, str]:
@@ -62,7 +60,6 @@ class Site:
         self.rooms = {path: sections(text) for path, text in readmes().items()}
         self.anchors = {(path, anchor): place for path, parts in self.rooms.items()
                         for anchor, place in self._anchors(path, parts)}
-        self.asked: set[str] = set()
 
     @staticmethod
     def _anchors(path: str, parts: list[tuple[str, str]]) -> Iterator[tuple[str, str]]:
@@ -76,7 +73,7 @@ class Site:
                 yield slug(heading), f"{page}#{slug(heading)}"
 
     def target(self, link: str, source: str) -> str:
-        """Return where a link of the README ``source`` leads on the site; what has no page yet is made later."""
+        """Return where a link of the README ``source`` leads on the site: a page, a file, or nowhere, as of a folder."""
         name, _, anchor = link.partition("#")
         path = normpath(f"{PurePosixPath(source).parent}/{name}") if name else source
         if path in self.rooms or f"{path}/README.md" in self.rooms:
@@ -87,13 +84,19 @@ class Site:
             return f"/{path.removesuffix('.py')}.md"
         if path.endswith((".png", ".gif", ".ipynb", ".md")):
             return f"/{path}"
-        self.asked.add(path)
-        return f"/sources/{path}.md"
+        if not (ROOT / path).is_file():
+            return ""
+        (self.folder / path).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / path, self.folder / path)
+        return f"/{path}"
 
     def relinked(self, text: str, source: str) -> str:
         """Return a README's text with links that hold on the site."""
-        return outside_code(lambda part: LINK.sub(
-            lambda found: f"{found[1]}{self.target(found[2], source)}{found[3]}", part), text)
+        def linked(found: re.Match[str]) -> str:
+            target = self.target(found[3], source)
+            return f"{found[1]}[{found[2]}]({target})" if target else found[2]
+
+        return outside_code(lambda part: LINK.sub(linked, part), text)
 
     def write(self, page: str, text: str) -> None:
         """Write a page, given by its path on the site; ``.md`` may be left out."""
@@ -139,28 +142,11 @@ class Site:
         """Write a page for each example, and the list of them."""
         paths = sorted((ROOT / "examples").glob("[0-9]*.py"))
         for path in paths:
-            says = re.split(r"[:.](?=\s|$)", ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or "")[0]
-            self.source(f"examples/{path.name}", f"examples/{path.stem}", says)
+            text = path.read_text(encoding="utf-8")
+            says = re.split(r"[:.](?=\s|$)", ast.get_docstring(ast.parse(text)) or "")[0]
+            self.write(f"examples/{path.stem}", f"# {says}\n\n`python examples/{path.name}`\n\n````python\n{text}````\n")
         self.write("examples/index", "# Examples\n\nShort programs, each of which runs headless and checks its result.\n\n"
                    + toctree([f"/examples/{path.stem}" for path in paths]))
-
-    def source(self, path: str, page: str, title: str = "") -> None:
-        """Write a page that shows a file, or lists a folder."""
-        place = ROOT / path
-        head = f"---\nnosearch: true\norphan: true\n---\n\n# {title or f'`{path}`'}\n\n"
-        if place.is_dir():
-            names = sorted(each.name for each in place.iterdir() if not each.name.startswith(("_", "."))
-                           and each.suffix in LANGUAGES)
-            self.write(page, head + "".join(f"- [{name}](/sources/{path}/{name}.md)\n" for name in names))
-            for name in names:
-                self.source(f"{path}/{name}", f"sources/{path}/{name}")
-            return
-        text = place.read_text(encoding="utf-8")
-        cut = f"The first {LARGEST} characters.\n\n" if len(text) > LARGEST else ""
-        if title:
-            head = head.replace("orphan: true\n", "").replace("nosearch: true\n", "")
-            head = head.removeprefix("---\n---\n\n") + f"`{path}`\n\n"
-        self.write(page, f"{head}{cut}````{LANGUAGES.get(place.suffix, 'text')}\n{text[:LARGEST]}\n````\n")
 
 
 def place_title(site: Site, path: str) -> str:
@@ -201,8 +187,6 @@ def stage(folder: Path) -> None:
     site.write("CHANGELOG", site.relinked((ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), "CHANGELOG.md"))
     for page, text in pages():
         site.write(page, text)
-    for path in sorted(site.asked):
-        site.source(path, f"sources/{path}")
     web.write(folder / "_static" / "lab.html")
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
+import textwrap
 from typing import Any
 
 from docutils import nodes
@@ -26,6 +27,8 @@ html_copy_source = False
 html_math_renderer = "mathml"
 default_role = "code"
 smartquotes = False
+toc_object_entries = False  # names have headings; with entries, every page takes a second
+suppress_warnings = ["ref.python"]  # of names in types that two classes have
 python_maximum_signature_line_length = 88
 autodoc_typehints_format = "short"
 autodoc_preserve_defaults = True
@@ -47,11 +50,13 @@ def read_docstring(app: Sphinx, what: str, name: str, value: Any, options: Any, 
     """Turn the Markdown in a docstring into what Sphinx reads; a constant says what stands below it in its module."""
     if what == "data":
         lines[:] = constant(name.rpartition(".")[2], value)
-    text, literal, found = "\n".join(lines), False, list[str]()
+    text, found = "\n".join(lines), list[str]()
     if text.startswith("## Description"):  # of an environment, which has a page of its own
         text = text.split("\n\n")[1] + "\n\nSee :doc:`/environments/index`."
     text = "".join(part if i % 2 else re.sub(r"([*|])|(?<=\w)(_)(?=\W|$)", r"\\\g<0>", part)
-                   for i, part in enumerate(re.split(r"(``.+?``|`[^`]+`_?)", text, flags=re.S)))
+                   for i, part in enumerate(re.split(r"(```.+?```|``.+?``|`[^`]+`_?)", text, flags=re.S)))
+    text = re.sub(r"^```(\w+)\n(.*?)\n```$", lambda block: f".. code-block:: {block[1]}\n\n" + textwrap.indent(
+        block[2], "    "), text, flags=re.S | re.M)
     before = ""
     for line in text.split("\n"):
         if re.match(r"\s*(- |\\\* )", line) and before.strip() and not re.match(r"\s*(- |\\\* |  )", before):

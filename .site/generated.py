@@ -243,6 +243,7 @@ def shown(module: str, name: str, value: Any) -> Iterator[str]:
     if id(value) in _seen:
         return
     _seen.add(id(value))
+    yield from (name, "-" * len(name), "")
     if inspect.isclass(value):
         kind = "exception" if issubclass(value, BaseException) else "class"
         yield from (f".. auto{kind}:: {module}.{name}", "   :members:", "")
