@@ -73,11 +73,17 @@ class Site:
                 yield slug(heading), f"{page}#{slug(heading)}"
 
     def target(self, link: str, source: str) -> str:
-        """Return where a link of the README ``source`` leads on the site: a page, a file, or nowhere, as of a folder."""
+        """Return where a link of the README ``source`` leads on the site: to a page, to a file, or, as of a folder, "".
+
+        Raises LookupError for a heading that does not exist.
+        """
         name, _, anchor = link.partition("#")
         path = normpath(f"{PurePosixPath(source).parent}/{name}") if name else source
         if path in self.rooms or f"{path}/README.md" in self.rooms:
-            return self.anchors[path if path in self.rooms else f"{path}/README.md", anchor]
+            place = self.anchors.get((path if path in self.rooms else f"{path}/README.md", anchor))
+            if place is None:
+                raise LookupError(f"{source} links to {link}, and there is no such heading.")
+            return place
         if path == "README.md":
             return f"/index.md{'#' * bool(anchor)}{anchor}"
         if EXAMPLE.fullmatch(path):
@@ -127,16 +133,16 @@ class Site:
 
     def gallery(self) -> None:
         """Write the page of all pictures in READMEs, each with its caption, which has the command that made it."""
-        entries = []
+        entries, line = dict[str, str](), "\n\n"
         for path, text in {"README.md": (ROOT / "README.md").read_text(encoding="utf-8"), **readmes()}.items():
-            for picture, caption in re.findall(r"^(!\[[^\]]*\]\([^)]+\))\n(?:\n(\*.*?\*)\n\n)?", text + "\n\n",
-                                               flags=re.S | re.M):
-                place = self.target("", path) if path in self.rooms else "/index.md"
-                name = PurePosixPath(picture.partition("](")[2].rstrip(")")).stem.replace("_", " ").capitalize()
-                if f"## {name}" not in "\n".join(entries):
-                    entries.append(f"## {name}\n\n" + self.relinked(f"{picture}\n\n{caption}", path)
-                                   + f"\n\nFrom [{place_title(self, path)}]({place}).")
-        self.write("gallery", (HERE / "pages" / "gallery.md").read_text(encoding="utf-8") + "\n\n".join(entries) + "\n")
+            found = re.findall(r"^(!\[[^\]]*\]\(([^)]+)\))\n(?:\n(\*.*?\*)\n\n)?", text + "\n\n", flags=re.S | re.M)
+            title = self.rooms[path][0][0] if path in self.rooms else "the front page"
+            place = f"/{path}" if path in self.rooms else "/index.md"
+            for picture, file, caption in found:
+                name = PurePosixPath(file).stem.replace("_", " ").capitalize()
+                entries.setdefault(name, f"## {name}\n\n{self.relinked(f'{picture}{line}{caption}', path)}{line}"
+                                         f"From [{title}]({place}).{line}")
+        self.write("gallery", (HERE / "pages" / "gallery.md").read_text(encoding="utf-8") + "".join(entries.values()))
 
     def examples(self) -> None:
         """Write a page for each example, and the list of them."""
@@ -144,14 +150,10 @@ class Site:
         for path in paths:
             text = path.read_text(encoding="utf-8")
             says = re.split(r"[:.](?=\s|$)", ast.get_docstring(ast.parse(text)) or "")[0]
-            self.write(f"examples/{path.stem}", f"# {says}\n\n`python examples/{path.name}`\n\n````python\n{text}````\n")
-        self.write("examples/index", "# Examples\n\nShort programs, each of which runs headless and checks its result.\n\n"
-                   + toctree([f"/examples/{path.stem}" for path in paths]))
-
-
-def place_title(site: Site, path: str) -> str:
-    """Return the title of a README's page."""
-    return site.rooms[path][0][0] if path in site.rooms else "the front page"
+            self.write(f"examples/{path.stem}",
+                       f"# {says}\n\n`python examples/{path.name}`\n\n````python\n{text}````\n")
+        head = "# Examples\n\nShort programs, each of which runs headless and checks its result.\n\n"
+        self.write("examples/index", head + toctree([f"/examples/{path.stem}" for path in paths]))
 
 
 def toctree(names: list[str], *options: str) -> str:
@@ -162,8 +164,8 @@ def toctree(names: list[str], *options: str) -> str:
 
 def placed() -> dict[str, list[str]]:
     """Return the sections of READMEs that the pages in ``pages`` list, by the page."""
-    return {path.stem: re.findall(rf"^/?((?:{'|'.join(FOLDERS)})/[\w/-]+)$", path.read_text(encoding="utf-8"), flags=re.M)
-            for path in sorted((HERE / "pages").glob("*.md"))}
+    name = re.compile(rf"^/((?:{'|'.join(FOLDERS)})/[\w/-]+)$", flags=re.M)
+    return {path.stem: name.findall(path.read_text(encoding="utf-8")) for path in sorted((HERE / "pages").glob("*.md"))}
 
 
 def stage(folder: Path) -> None:
@@ -177,8 +179,9 @@ def stage(folder: Path) -> None:
     for book in (ROOT / "examples").glob("*.ipynb"):
         shutil.copy(book, folder / "examples")
     site = Site(folder)
-    for own in (HERE / "pages").rglob("*.md"):
-        site.write(own.relative_to(HERE / "pages").as_posix(), site.relinked(own.read_text(encoding="utf-8"), "README.md"))
+    for path in (HERE / "pages").rglob("*.md"):
+        text = site.relinked(path.read_text(encoding="utf-8"), "README.md")
+        site.write(path.relative_to(HERE / "pages").as_posix(), text)
     site.guides({name for names in placed().values() for name in names})
     site.front(["tutorials", "how-to", "environments/index", "reference", "explanation", "gallery", "lab-page",
                 "maintainers"])
@@ -197,8 +200,8 @@ def build(place: Path, *options: str) -> int:
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary) / "sources"
         stage(folder)
-        return main(["-q", "-W", "--keep-going", "-j", "2", "-c", str(HERE), "-D", f"html_static_path={folder}/_static",
-                     *options, str(folder), str(place)])
+        return main(["-q", "-W", "--keep-going", "-j", "2", "-c", str(HERE), "-d", f"{temporary}/trees",
+                     "-D", f"html_static_path={folder}/_static", *options, str(folder), str(place)])
 
 
 if __name__ == "__main__":

@@ -9,11 +9,11 @@ from typing import Any
 
 from docutils import nodes
 from docutils.utils.math.latex2mathml import tex2mathml
+from generated import MOCKED
 from sphinx.application import Sphinx
 from sphinx.errors import PycodeError
 from sphinx.pycode import ModuleAnalyzer
 
-from generated import MOCKED
 from pendulum_env.common.version import __version__
 
 project = "LabPendulum"

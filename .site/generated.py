@@ -40,16 +40,18 @@ REFERENCE: Mapping[str, tuple[str, tuple[str, ...]]] = {
     "bodies": ("Bodies, media and dampings", (
         "pendulum_env.physics.bodies.Rod", "pendulum_env.physics.bodies.Disc", "pendulum_env.physics.bodies.Kater",
         "pendulum_env.physics.bodies.MeasuredBody", "pendulum_env.physics.bodies.Torsion",
-        "pendulum_env.physics.body.Body", "pendulum_env.physics.medium.Medium", "pendulum_env.physics.damping.with_damping")),
+        "pendulum_env.physics.body.Body", "pendulum_env.physics.medium.Medium",
+        "pendulum_env.physics.damping.with_damping")),
     "exact": ("Closed forms", ("pendulum_env.physics.exact",)),
     "recordings": ("Recordings and fits", (
         "pendulum_env.Recording", "pendulum_env.VirtualSensor", "pendulum_env.measure", "pendulum_env.fit",
         "pendulum_env.lab")),
     "bench": ("Sensors live, and a bench", ("pendulum_env.bench",)),
     "studies": ("Studies", (
-        "pendulum_env.compare", "pendulum_env.cost", "pendulum_env.growth", "pendulum_env.audit", "pendulum_env.simplify",
-        "pendulum_env.section", "pendulum_env.basins", "pendulum_env.stress", "pendulum_env.sweep", "pendulum_env.Sweep",
-        "pendulum_env.Study", "pendulum_env.study.compare", "pendulum_env.study.section", "pendulum_env.study.basins",
+        "pendulum_env.compare", "pendulum_env.cost", "pendulum_env.growth", "pendulum_env.audit",
+        "pendulum_env.simplify", "pendulum_env.section", "pendulum_env.basins", "pendulum_env.stress",
+        "pendulum_env.sweep", "pendulum_env.Sweep", "pendulum_env.Study",
+        "pendulum_env.study.compare", "pendulum_env.study.section", "pendulum_env.study.basins",
         "pendulum_env.study.growth", "pendulum_env.study.stability", "pendulum_env.auto.choice")),
     "figures": ("Figures, frames, films, and the page", (
         "pendulum_env.film", "pendulum_env.plots", "pendulum_env.render", "pendulum_env.web")),
@@ -90,16 +92,16 @@ def parts(docstring: str) -> dict[str, str]:
 def environments() -> Iterator[tuple[str, str]]:
     """Yield a page for each id, one for each task, and their list."""
     usual = parts(pendulum_env.LabPendulumEnv.__doc__ or "")
-    head = "# Environments and tasks\n\nOne page for each id of `gym.make` and `gym.make_vec`, and one for each task.\n\n"
     rows = [f"| [{name}]({name}.md) | [{task}]({task}.md) | {steps} |" for name, (steps, keywords) in IDS.items()
             for task in [keywords.get("task", USUAL_TASK)]]
     table = "\n".join(("| id | task | control steps of an episode |", "| --- | --- | --- |", *rows))
-    yield "environments/index.md", (
-        f"{head}{table}\n\n[`{BENCH_ID}`]({BENCH_ID}.md) is a motor and an encoder, in real time.\n\n" + "\n".join((
-            "```{toctree}", ":hidden:", ":maxdepth: 1", "", *IDS, BENCH_ID, *TASKS, "```", "")))
+    yield "environments/index.md", "\n".join((
+        "# Environments and tasks", "", "A page for each id of `gym.make` and `gym.make_vec`, and for each task.", "",
+        table, "", f"[`{BENCH_ID}`]({BENCH_ID}.md) is a motor and an encoder, in real time.", "",
+        "```{toctree}", ":maxdepth: 1", "", *IDS, BENCH_ID, *TASKS, "```", ""))
     for name, (_, keywords) in IDS.items():
         task = TASKS[keywords.get("task", USUAL_TASK)]
-        text = spaces(name, {}) + (f"It sets {listed(keywords)}.\n\n" if keywords else "")
+        text = spaces(name, {}) + (f"\n\nIt sets {listed(keywords)}." if keywords else "")
         whole = name == USUAL_ID
         sections = {
             "Description": usual["Description"], "Action space": usual["Action Space"],
@@ -118,14 +120,14 @@ def environments() -> Iterator[tuple[str, str]]:
         sections = {
             "Description": DESCRIBED.get(task.name, ""), "Action space": usual["Action Space"],
             "Observation space": seen(task), "Rewards": reward(task), "Starting state": start(task),
-            "Episode end": end(task, IDS[USUAL_ID][0]),
-            "Arguments": f"Those of [{USUAL_ID}]({USUAL_ID}.md#arguments).", "Version history": usual["Version History"]}
+            "Episode end": end(task, IDS[USUAL_ID][0]), "Arguments": f"Those of [{USUAL_ID}]({USUAL_ID}.md#arguments).",
+            "Version history": usual["Version History"]}
         yield f"environments/{task.name}.md", page(f"Task {task.name}", made, linked(sections, f"learning_{task.name}"))
 
 
 def page(title: str, text: str, sections: Mapping[str, str]) -> str:
     """Return a page of sections."""
-    return f"# {title}\n\n{text}" + "\n\n".join(f"## {name}\n\n{said}" for name, said in sections.items() if said) + "\n"
+    return "\n\n".join((f"# {title}", text, *(f"## {name}\n\n{said}" for name, said in sections.items() if said), ""))
 
 
 def linked(sections: Mapping[str, str], *figures: str) -> dict[str, str]:
@@ -144,22 +146,16 @@ def spaces(name: str, keywords: Mapping[str, Any]) -> str:
     """Return the table at the head of a page: how it is made, and its spaces."""
     env = gymnasium.make(name, backend="python", warn=False, **keywords)
     made = "".join(f", {key}={value!r}" for key, value in keywords.items())
-    try:
-        bounds = [[str(each) for each in space.low] + [str(each) for each in space.high]
-                  for space in (env.observation_space,)]
-        return "\n".join((
-            "| | |", "| --- | --- |", f"| made by | `import pendulum_env; gym.make(\"{name}\"{made})` |",
-            f"| action space | `{env.action_space}` |", f"| observation space | `{env.observation_space}` |",
-            f"| low, high | `{', '.join(bounds[0][:len(bounds[0]) // 2])}`; `{', '.join(bounds[0][len(bounds[0]) // 2:])}` |",
-            f"| control steps | {env.spec.max_episode_steps if env.spec else ''} |", "", ""))
-    finally:
-        env.close()
+    env.close()
+    return "\n".join((
+        f"| made by | `import pendulum_env; gym.make(\"{name}\"{made})` |", "| --- | --- |",
+        f"| action space | `{env.action_space}` |", f"| observation space | `{env.observation_space}` |"))
 
 
 def reward(task: Task) -> str:
     """Return what a control step earns in a task."""
-    return (f"In each control step `{task.equation}`. phi is the angle from upright in [-pi, pi], error the angle less the "
-            "reference, omega0 the angular frequency of small swings.")
+    return (f"In each control step `{task.equation}`. phi is the angle from upright in [-pi, pi], error the angle less "
+            "the reference, omega0 the angular frequency of small swings.")
 
 
 def start(task: Task) -> str:
@@ -184,7 +180,8 @@ def end(task: Task, steps: int) -> str:
     """Return when a task's episodes end."""
     lost = "" if task.ends == "-" else f" The task is lost where `{task.ends}`."
     length = f"after {task.duration:g} s" if task.duration else f"after {steps} control steps"
-    return f"Truncated {length}, or by `duration` and `max_episode_steps`.{lost} Other ends are those of [{USUAL_ID}]({USUAL_ID}.md#episode-end)."
+    return (f"Truncated {length}, or by `duration` and `max_episode_steps`.{lost} Other ends are those of "
+            f"[{USUAL_ID}]({USUAL_ID}.md#episode-end).")
 
 
 # --- commands -------------------------------------------------------------------------------------------------------
@@ -192,15 +189,14 @@ def end(task: Task, steps: int) -> str:
 
 def commands() -> Iterator[tuple[str, str]]:
     """Yield a page for each command, as typer documents it, and their list."""
-    made = subprocess.run([sys.executable, "-m", "typer", "pendulum_env.cli", "utils", "docs", "--name", "lab-pendulum"],
-                          capture_output=True, text=True, check=True, encoding="utf-8").stdout
-    first, *others = re.split(r"^## ", made.replace("$ lab-pendulum", "lab-pendulum"), flags=re.M)
+    words = ["-m", "typer", "pendulum_env.cli", "utils", "docs", "--name", "lab-pendulum"]
+    made = subprocess.run([sys.executable, *words], capture_output=True, text=True, check=True, encoding="utf-8").stdout
+    _, *others = re.split(r"^## ", made.replace("$ lab-pendulum", "lab-pendulum"), flags=re.M)
     names = []
     for text in others:
         title, _, body = text.partition("\n")
         names.append(title.strip("` ").split()[1])
         yield f"commands/{names[-1]}.md", f"# {title.strip('` ')}\n{body.replace('```console', '```sh')}"
-    first = re.sub(r"\* `(\w+)`:.*", lambda found: f"- [{found[1]}](commands/{found[1]}.md)", first)
     yield "commands/index.md", "# Commands\n\n" + "\n".join((
         "Each with its options; `lab-pendulum COMMAND --help` prints the same.", "", "```{toctree}", ":maxdepth: 1", "",
         *names, "```", ""))
@@ -217,9 +213,9 @@ def objects(names: tuple[str, ...]) -> Iterator[str]:
         module, _, last = name.rpartition(".")
         value = imported(name)
         if isinstance(value, ModuleType):
-            public = getattr(value, "__all__", None) or [each for each, one in vars(value).items() if not each.startswith(
-                "_") and getattr(one, "__module__", "") == name]
-            inner = [each for each in public if not isinstance(getattr(value, each), ModuleType)]
+            own = [each for each, one in vars(value).items() if getattr(one, "__module__", "") == name]
+            public = getattr(value, "__all__", own)
+            inner = [each for each in public if each[0] != "_" and not isinstance(getattr(value, each), ModuleType)]
             lines = [line for each in inner for line in shown(name, each, getattr(value, each))]
             if lines:
                 yield from (f".. rubric:: {name}", "", f".. automodule:: {name}", "   :no-index:", "", *lines)
