@@ -8,14 +8,19 @@ and public names are made from what the package declares.
 from __future__ import annotations
 
 import ast
+import json
 import os
 import re
+import shlex
 import shutil
+import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path, PurePosixPath
 from posixpath import normpath
+
+from PIL import Image
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
@@ -23,6 +28,8 @@ FOLDERS = ("integrators", "pendulum_env", "examples", "tests")
 """Folders whose READMEs become pages; the front page is the site's first one."""
 LINK = re.compile(r"(!?)\[((?:[^\[\]]|\[[^\]]*\])*)\]\((?!\w+:)([^)\s]+)\)")
 """A link or a picture of Markdown whose target is no address: the mark of a picture, text, target."""
+PICTURE = re.compile(r"^!\[([^\]]*)\]\(([^)]+)\)\n(?:\n\*(.*?)\*\n)?", flags=re.S | re.M)
+"""A picture in a README: what it shows, its file, and the caption, if there is one."""
 EXAMPLE = re.compile(r"examples/[0-9]\w*\.py")
 """Path of an example, which has a page."""
 
@@ -88,6 +95,8 @@ class Site:
             return f"/index.md{'#' * bool(anchor)}{anchor}"
         if EXAMPLE.fullmatch(path):
             return f"/{path.removesuffix('.py')}.md"
+        if path.startswith("_static/"):
+            return f"/{path}"
         if path.endswith((".png", ".gif", ".ipynb", ".md")):
             return f"/{path}"
         if not (ROOT / path).is_file():
@@ -132,17 +141,23 @@ class Site:
         self.write("index", f"{self.relinked(text, 'README.md')}\n{toctree(names, 'hidden')}")
 
     def gallery(self) -> None:
-        """Write the page of all pictures in READMEs, each with its caption, which has the command that made it."""
-        entries, line = dict[str, str](), "\n\n"
-        for path, text in {"README.md": (ROOT / "README.md").read_text(encoding="utf-8"), **readmes()}.items():
-            found = re.findall(r"^(!\[[^\]]*\]\(([^)]+)\))\n(?:\n(\*.*?\*)\n\n)?", text + "\n\n", flags=re.S | re.M)
-            title = self.rooms[path][0][0] if path in self.rooms else "the front page"
-            place = f"/{path}" if path in self.rooms else "/index.md"
-            for picture, file, caption in found:
+        """Draw the gallery's own figures, and add those of READMEs, each with the command that it says made it."""
+        entries, front = dict[str, str](), (ROOT / "README.md").read_text(encoding="utf-8")
+        for path, text in {"README.md": front, **readmes()}.items():
+            title, place = (self.rooms[path][0][0], path) if path in self.rooms else ("the front page", "index.md")
+            for alt, file, caption in PICTURE.findall(text):
                 name = PurePosixPath(file).stem.replace("_", " ").capitalize()
-                entries.setdefault(name, f"## {name}\n\n{self.relinked(f'{picture}{line}{caption}', path)}{line}"
-                                         f"From [{title}]({place}).{line}")
-        self.write("gallery", (HERE / "pages" / "gallery.md").read_text(encoding="utf-8") + "".join(entries.values()))
+                entries.setdefault(name, "\n\n".join((
+                    f"## {name}", self.relinked(f"![{alt}]({file})", path), self.relinked(caption or f"{alt}.", path),
+                    f"```sh\n{command(ROOT / normpath(PurePosixPath(path).parent / file))}\n```",
+                    f"From [{title}](/{place}).", "")))
+        own = (HERE / "pages" / "gallery.md").read_text(encoding="utf-8")
+        self.write("gallery", self.relinked(own, "README.md") + "".join(entries.values()))
+        drawn = self.folder / "_static" / "drawn"
+        drawn.mkdir()
+        for words in re.findall(r"^lab-pendulum (.*)$", own, flags=re.M):
+            program = [sys.executable, "-c", "from pendulum_env.cli import main; main()"]
+            subprocess.run([*program, *shlex.split(words)], cwd=drawn, check=True, stdout=subprocess.DEVNULL)
 
     def examples(self) -> None:
         """Write a page for each example, and the list of them."""
@@ -154,6 +169,16 @@ class Site:
                        f"# {says}\n\n`python examples/{path.name}`\n\n````python\n{text}````\n")
         head = "# Examples\n\nShort programs, each of which runs headless and checks its result.\n\n"
         self.write("examples/index", head + toctree([f"/examples/{path.stem}" for path in paths]))
+
+
+def command(picture: Path) -> str:
+    """Return the command that a picture says it was made by."""
+    with Image.open(picture) as opened:
+        info = opened.info
+    made: str = (json.loads(info["comment"]) if "comment" in info else info)["Command"]
+    script, _, options = made.partition(" ")
+    found = [path.relative_to(ROOT) for path in (ROOT / "examples").rglob("*.py") if path.name == script]
+    return f"python {found[0].as_posix()} {options}" if found else made
 
 
 def toctree(names: list[str], *options: str) -> str:
@@ -187,7 +212,8 @@ def stage(folder: Path) -> None:
                 "maintainers"])
     site.gallery()
     site.examples()
-    site.write("CHANGELOG", site.relinked((ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), "CHANGELOG.md"))
+    changes = site.relinked((ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), "CHANGELOG.md")
+    site.write("CHANGELOG", f"---\nnosearch: true\n---\n\n{changes}")
     for page, text in pages():
         site.write(page, text)
     web.write(folder / "_static" / "lab.html")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import sys
 import textwrap
+from dataclasses import MISSING
 from typing import Any
 
 from docutils import nodes
@@ -63,7 +64,21 @@ def read_docstring(app: Sphinx, what: str, name: str, value: Any, options: Any, 
             found.append("")
         found.append(re.sub(r"^(\s*)\\\* ", r"\1* ", line))
         before = line
-    lines[:] = found
+    lines[:] = [*found, *(settings(value) if what in ("class", "exception") else ())]
+
+
+def settings(value: Any) -> list[str]:
+    """Return the table of a class's fields that say of themselves what they mean."""
+    fields = [each for each in getattr(value, "__dataclass_fields__", {}).values() if each.metadata.get("doc")]
+    if not fields:
+        return []
+    found = ["", ".. list-table::", "   :header-rows: 1", "", "   * - setting", "     - default", "     - meaning"]
+    for each in fields:
+        given = each.default is not MISSING and not each.metadata.get("optional")
+        unit = each.metadata.get("unit", "1")
+        meaning = re.sub(r"([*|`_\\])", r"\\\1", each.metadata["doc"]) + (f" [{unit}]" if unit not in ("", "1") else "")
+        found += [f"   * - ``{each.name}``", f"     - {f'``{each.default!r}``' if given else '-'}", f"     - {meaning}"]
+    return [*found, ""]
 
 
 def constant(name: str, value: Any) -> list[str]:
