@@ -95,6 +95,8 @@ class Site:
             return f"/index.md{'#' * bool(anchor)}{anchor}"
         if EXAMPLE.fullmatch(path):
             return f"/{path.removesuffix('.py')}.md"
+        if path == ".site/README.md":
+            return "/building.md"
         if path.startswith("_static/"):
             return f"/{path}"
         if path.endswith((".png", ".gif", ".ipynb", ".md")):
@@ -212,6 +214,7 @@ def stage(folder: Path) -> None:
                 "maintainers"])
     site.gallery()
     site.examples()
+    site.write("building", site.relinked((HERE / "README.md").read_text(encoding="utf-8"), ".site/README.md"))
     changes = site.relinked((ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), "CHANGELOG.md")
     site.write("CHANGELOG", f"---\nnosearch: true\n---\n\n{changes}")
     for page, text in pages():
