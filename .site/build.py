@@ -206,10 +206,13 @@ def stage(folder: Path) -> None:
     for book in (ROOT / "examples").glob("*.ipynb"):
         shutil.copy(book, folder / "examples")
     site = Site(folder)
+    named = {name for names in placed().values() for name in names}
     for path in (HERE / "pages").rglob("*.md"):
         text = site.relinked(path.read_text(encoding="utf-8"), "README.md")
-        site.write(path.relative_to(HERE / "pages").as_posix(), text)
-    site.guides({name for names in placed().values() for name in names})
+        rest = [f"/{each.removesuffix('.md')}" for each in site.rooms if each.removesuffix(".md") not in named]
+        name = path.relative_to(HERE / "pages").as_posix()
+        site.write(name, text + toctree(rest) * (name == "how-to.md"))
+    site.guides(named)
     site.front(["tutorials", "how-to", "environments/index", "reference", "explanation", "gallery", "lab-page",
                 "maintainers"])
     site.gallery()

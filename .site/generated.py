@@ -31,7 +31,8 @@ REFERENCE: Mapping[str, tuple[str, tuple[str, ...]]] = {
         "pendulum_env.Sensor", "pendulum_env.transfer", "pendulum_env.tasks", "pendulum_env.controllers",
         "pendulum_env.testing")),
     "adapters": ("Adapters to other libraries", (
-        "pendulum_env.adapters.sb3", "pendulum_env.adapters.torchrl", "pendulum_env.adapters.minari")),
+        "pendulum_env.adapters.sb3.LabPendulumVecEnv", "pendulum_env.adapters.torchrl.LabPendulumTorchEnv",
+        "pendulum_env.adapters.minari.collect")),
     "jax": ("JAX", ("pendulum_env.jax",)),
     "scenes": ("Scenes and runs", (
         "pendulum_env.SCENES", "pendulum_env.Scene", "pendulum_env.Run", "pendulum_env.rollout", "pendulum_env.Rollout",
@@ -149,7 +150,8 @@ def spaces(name: str, keywords: Mapping[str, Any]) -> str:
     env.close()
     return "\n".join((
         f"| made by | `import pendulum_env; gym.make(\"{name}\"{made})` |", "| --- | --- |",
-        f"| action space | `{env.action_space}` |", f"| observation space | `{env.observation_space}` |"))
+        *(f"| {each} space | `{' '.join(str(space).split())}` |" for each, space in (
+            ("action", env.action_space), ("observation", env.observation_space)))))
 
 
 def reward(task: Task) -> str:
@@ -213,9 +215,7 @@ def objects(names: tuple[str, ...]) -> Iterator[str]:
         module, _, last = name.rpartition(".")
         value = imported(name)
         if isinstance(value, ModuleType):
-            own = [each for each, one in vars(value).items() if getattr(one, "__module__", "") == name]
-            public = getattr(value, "__all__", own)
-            inner = [each for each in public if each[0] != "_" and not isinstance(getattr(value, each), ModuleType)]
+            inner = [each for each in value.__all__ if not isinstance(getattr(value, each), ModuleType)]
             lines = [line for each in inner for line in shown(name, each, getattr(value, each))]
             if lines:
                 yield from (f".. rubric:: {name}", "", f".. automodule:: {name}", "   :no-index:", "", *lines)
