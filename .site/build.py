@@ -65,6 +65,9 @@ class Site:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.rooms = {path: sections(text) for path, text in readmes().items()}
+        others = (ROOT / "CHANGELOG.md", HERE / "README.md", *sorted((ROOT / ".github").glob("*.md")))
+        self.others = {path: path.removesuffix(".md").lstrip(".").replace("/", "-")
+                       for path in (each.relative_to(ROOT).as_posix() for each in others)}
         self.anchors = {(path, anchor): place for path, parts in self.rooms.items()
                         for anchor, place in self._anchors(path, parts)}
 
@@ -82,7 +85,7 @@ class Site:
     def target(self, link: str, source: str) -> str:
         """Return where a link of the README ``source`` leads on the site: to a page, to a file, or, as of a folder, "".
 
-        Raises LookupError for a heading that does not exist.
+        Raises LookupError for a heading or a file that does not exist.
         """
         name, _, anchor = link.partition("#")
         path = normpath(f"{PurePosixPath(source).parent}/{name}") if name else source
@@ -95,13 +98,13 @@ class Site:
             return f"/index.md{'#' * bool(anchor)}{anchor}"
         if EXAMPLE.fullmatch(path):
             return f"/{path.removesuffix('.py')}.md"
-        if path == ".site/README.md":
-            return "/building.md"
-        if path.startswith("_static/"):
-            return f"/{path}"
-        if path.endswith((".png", ".gif", ".ipynb", ".md")):
-            return f"/{path}"
-        if not (ROOT / path).is_file():
+        if path in self.others:
+            return f"/{self.others[path]}.md"
+        if path.startswith("_static/") or path.endswith((".png", ".gif", ".ipynb", ".md")):
+            return f"/{path}"  # Sphinx says so if it is not there
+        if not (ROOT / path).exists():
+            raise LookupError(f"{source} links to {link}, and there is no such file.")
+        if (ROOT / path).is_dir():
             return ""
         (self.folder / path).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / path, self.folder / path)
@@ -209,17 +212,18 @@ def stage(folder: Path) -> None:
     named = {name for names in placed().values() for name in names}
     for path in (HERE / "pages").rglob("*.md"):
         text = site.relinked(path.read_text(encoding="utf-8"), "README.md")
-        rest = [f"/{each.removesuffix('.md')}" for each in site.rooms if each.removesuffix(".md") not in named]
+        more = {"how-to.md": [each.removesuffix(".md") for each in site.rooms if each.removesuffix(".md") not in named],
+                "maintainers.md": site.others.values()}
         name = path.relative_to(HERE / "pages").as_posix()
-        site.write(name, text + toctree(rest) * (name == "how-to.md"))
+        site.write(name, text + toctree([f"/{each}" for each in more.get(name, ())]))
     site.guides(named)
     site.front(["tutorials", "how-to", "environments/index", "reference", "explanation", "gallery", "lab-page",
                 "maintainers"])
     site.gallery()
     site.examples()
-    site.write("building", site.relinked((HERE / "README.md").read_text(encoding="utf-8"), ".site/README.md"))
-    changes = site.relinked((ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), "CHANGELOG.md")
-    site.write("CHANGELOG", f"---\nnosearch: true\n---\n\n{changes}")
+    for source, name in site.others.items():
+        text = site.relinked((ROOT / source).read_text(encoding="utf-8"), source)
+        site.write(name, "---\nnosearch: true\n---\n\n" * (source == "CHANGELOG.md") + text)
     for page, text in pages():
         site.write(page, text)
     web.write(folder / "_static" / "lab.html")

@@ -15,10 +15,10 @@ from sphinx.application import Sphinx
 from sphinx.errors import PycodeError
 from sphinx.pycode import ModuleAnalyzer
 
-from pendulum_env.common.version import __version__
+import pendulum_env
 
 project = "LabPendulum"
-release = __version__
+release = pendulum_env.__version__
 html_title = f"LabPendulum {release}"
 copyright = "the authors of LabPendulum, MIT licence"
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]

@@ -55,7 +55,7 @@ REFERENCE: Mapping[str, tuple[str, tuple[str, ...]]] = {
         "pendulum_env.study.compare", "pendulum_env.study.section", "pendulum_env.study.basins",
         "pendulum_env.study.growth", "pendulum_env.study.stability", "pendulum_env.auto.choice")),
     "figures": ("Figures, frames, films, and the page", (
-        "pendulum_env.film", "pendulum_env.plots", "pendulum_env.render", "pendulum_env.web")),
+        "pendulum_env.film", "pendulum_env.plots", "pendulum_env.render", "pendulum_env.window", "pendulum_env.web")),
     "integrators": ("Integrators", ("integrators", "integrators.method")),
     "analysis": ("Analysis of integrators", ("integrators.analysis",)),
 }

@@ -31,9 +31,10 @@ from pendulum_env.envs.limits import IDS
 from pendulum_env.tasks import TASKS
 
 SITE = ROOT / ".site"
-ROOMS = ("pendulum_env", "integrators", "pendulum_env.lab", "pendulum_env.bench", "pendulum_env.controllers",
-         "pendulum_env.tasks", "pendulum_env.testing", "pendulum_env.web", "pendulum_env.plots", "pendulum_env.render",
-         "pendulum_env.physics.effects", "pendulum_env.physics.exact", "integrators.analysis")
+ROOMS = ("integrators", "integrators.analysis", "pendulum_env.lab", "pendulum_env.bench", "pendulum_env.plots",
+         "pendulum_env.render", "pendulum_env.physics.effects", "pendulum_env.physics.exact",
+         *(f"pendulum_env.{name}" for name in dir(pendulum_env)
+           if hasattr(getattr(pendulum_env, name, None), "__all__")))
 """Modules all of whose public names are in the reference."""
 LOADED = {"script": "src", "img": "src", "iframe": "src", "source": "src", "video": "src", "embed": "src"}
 """Element -> its attribute that a browser loads at once; of a link it is its address, unless it is only named."""
@@ -72,8 +73,11 @@ def test_links_of_readmes_become_those_of_pages(builder: ModuleType, tmp_path: P
     assert site.target("../../examples/figures/fit.png", here) == "/examples/figures/fit.png"
     assert site.target("../../examples/01_first_rollout.py", here) == "/examples/01_first_rollout.md"
     assert site.relinked("[a](fitting) b\n```\n[c](nowhere)\n```\n", here) == "a b\n```\n[c](nowhere)\n```\n"
-    with pytest.raises(LookupError, match=r"lab/README\.md links to #nowhere, and there is no such heading"):
-        site.target("#nowhere", here)
+    assert site.target("../../CHANGELOG.md", here) == "/CHANGELOG.md"
+    assert site.target("../../LICENSE", here) == "/LICENSE"
+    for link, what in (("#nowhere", "heading"), ("nowhere.py", "file")):
+        with pytest.raises(LookupError, match=rf"lab/README\.md links to {link}, and there is no such {what}"):
+            site.target(link, here)
 
 
 def test_a_section_is_a_page_whatever_stands_in_code(builder: ModuleType) -> None:
@@ -182,6 +186,7 @@ def test_all_public_names_have_a_place_and_no_private_one(site: Path) -> None:
         assert {name for name in public if f"{room}.{name}" not in names} <= lasts, room
     assert {f"pendulum_env.{name}" for name in pendulum_env.__all__
             if not isinstance(getattr(pendulum_env, name), ModuleType)} <= names
+    assert "pendulum_env.jax.rollout" in names
 
 
 @pytest.mark.slow
