@@ -148,7 +148,7 @@ class Notation:
     quadratures: tuple[str, ...] = ()
     extra: tuple[str, ...] = ()
     hooks: Mapping[str, Sequence[str]] = field(default_factory=dict)
-    number: Callable[[Fraction], str] = literal  # no alias, as pdoc reads it in the modules of subclasses
+    number: Callable[[Fraction], str] = literal  # no alias, as it is looked up in the modules of subclasses
     exact_drag: bool = True
     dense: bool = False
     refines: bool = False

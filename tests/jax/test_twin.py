@@ -20,8 +20,8 @@ from scipy.integrate import solve_ivp
 
 from pendulum_env import controllers
 
-WITH_JAX = ("jax>=0.4.35", "optax>=0.2.3", "pdoc>=15")
-"""Packages of the environment "jax"; optax is for the examples, pdoc for the API's pages."""
+WITH_JAX = ("jax>=0.4.35", "optax>=0.2.3")
+"""Packages of the environment "jax"; optax is for the examples."""
 EXAMPLES = sorted(path for path in (ROOT / "examples").glob("*.py") if "pendulum_env.jax" in path.read_text("utf-8"))
 CHECKS = [(path.name, words) for path in sorted(Path(__file__).parent.glob("*_checks.py"))
           for words in (("values", "not values") if path.name == "twin_checks.py" else ("",))]
@@ -82,18 +82,6 @@ def test_an_example_runs_where_jax_is(with_jax: Path, path: Path, tmp_path: Path
     done = run(with_jax, "-W", "error", path, folder=tmp_path)
     assert done.returncode == 0, done.stderr
     assert any(character.isdigit() for character in done.stdout)
-
-
-@pytest.mark.slow
-def test_the_twin_has_a_page_of_the_api_where_jax_is(with_jax: Path, tmp_path: Path) -> None:
-    words = ("-W", "error", "-W", "ignore::DeprecationWarning", "-m", "pendulum_env.cli.api_pages", "api")
-    done = run(with_jax, *words, folder=tmp_path)
-    assert done.returncode == 0, done.stderr
-    page = (tmp_path / "api" / "pendulum_env" / "jax.html").read_text(encoding="utf-8")
-    shown = set(re.findall(r' id="([^"]+)"', page))
-    assert {"rollout", "LabPendulum", "TwinRollout.stop_reason", "LabPendulum.transition", "Gymnax.step"} <= shown
-    visible = re.sub(r"<[^>]+>", "", "".join(re.findall(r'<div class="docstring">(.*?)</div>', page, flags=re.S)))
-    assert not re.search(r":(func|class|data|mod|meth|attr|exc):|``", visible)
 
 
 @pytest.mark.slow

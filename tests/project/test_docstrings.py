@@ -9,13 +9,25 @@ from importlib import import_module
 from typing import Any
 
 import pytest
-from docstrings import REFERS, SAID, UNIT, YEAR, docstring, function_of, physical, public, raised, units_of_fields
+from docstrings import (
+    PAGES,
+    REFERS,
+    SAID,
+    UNIT,
+    YEAR,
+    attribute,
+    docstring,
+    function_of,
+    physical,
+    public,
+    raised,
+    units_of_fields,
+)
 from errors_raised import can_raise, claimed, errors
 
 import integrators
 import pendulum_env
 from pendulum_env import lab
-from pendulum_env.cli.api_pages import PAGES, attribute
 from pendulum_env.physics import exact
 from pendulum_env.physics.drag_laws import LAWS
 from pendulum_env.physics.effects import EFFECTS

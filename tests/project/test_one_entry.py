@@ -97,7 +97,8 @@ def test_new_entries_in_their_places_are_all_that_has_to_be_written(tmp_path: Pa
 
     Run are the quick tests that can know of the new entries (tests/support/only_new.py): the others are the project's.
     """
-    copied = (path for path in ROOT.iterdir() if not path.name.startswith(".") or path.name in (".ci", ".github"))
+    hidden = (".ci", ".github", ".site")
+    copied = (path for path in ROOT.iterdir() if not path.name.startswith(".") or path.name in hidden)
     for path in copied:
         if path.is_dir():
             shutil.copytree(path, tmp_path / path.name, ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))

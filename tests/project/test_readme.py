@@ -119,7 +119,7 @@ def test_links_that_lead_nowhere_are_noticed() -> None:
 
 def test_paths_that_are_named_exist() -> None:
     """From the project's folder, as all pages name them."""
-    folders = r"integrators|pendulum_env|tests|examples|\.ci|\.github"
+    folders = r"integrators|pendulum_env|tests|examples|\.ci|\.github|\.site"
     assert [(name, path) for name, page in READMES.items() for path in re.findall(
         rf"`((?:{folders})/[^`<*]*)`", without_code(page)) if not (ROOT / path).exists()] == []
 

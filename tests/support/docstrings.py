@@ -1,4 +1,4 @@
-"""What of the package is public, as the API pages show it, and what its docstrings owe to a reader."""
+"""What of the package is documented for users, and what its docstrings owe to a reader."""
 
 from __future__ import annotations
 
@@ -11,8 +11,57 @@ from collections.abc import Callable, Iterator
 from importlib import import_module
 from typing import Any
 
-from pendulum_env.cli.api_pages import PAGES
-
+PAGES = (
+    "pendulum_env",
+    "pendulum_env.controllers",
+    "pendulum_env.lab",
+    "pendulum_env.bench",
+    "pendulum_env.lab.fitting.result",
+    "pendulum_env.study.fit_report",
+    "pendulum_env.plots",
+    "pendulum_env.render",
+    "pendulum_env.physics.bodies",
+    "pendulum_env.physics.body",
+    "pendulum_env.physics.damping",
+    "pendulum_env.physics.drag_laws",
+    "pendulum_env.physics.effects",
+    "pendulum_env.physics.energy",
+    "pendulum_env.physics.exact",
+    "pendulum_env.physics.flow",
+    "pendulum_env.physics.medium",
+    "pendulum_env.physics.presets",
+    "pendulum_env.physics.units",
+    "pendulum_env.auto.choice",
+    "pendulum_env.common.saved",
+    "pendulum_env.engine.certificate",
+    "pendulum_env.engine.code",
+    "pendulum_env.engine.result",
+    "pendulum_env.engine.rollout",
+    "pendulum_env.study.audit.study",
+    "pendulum_env.study.compare",
+    "pendulum_env.study.cost.study",
+    "pendulum_env.study.basins",
+    "pendulum_env.study.growth",
+    "pendulum_env.study.section",
+    "pendulum_env.hard_cases.run",
+    "pendulum_env.films.record",
+    "pendulum_env.truth.answer",
+    "pendulum_env.truth.reference",
+    "pendulum_env.study.stability",
+    "pendulum_env.study.sweep.study",
+    "pendulum_env.study.audit.verdicts",
+    "pendulum_env.tasks",
+    "pendulum_env.testing",
+    "pendulum_env.web",
+    "integrators",
+    "integrators.analysis",
+    "integrators.steps.compensated",
+    "integrators.solving.dense",
+    "integrators.analysis.linear",
+    "integrators.method",
+    "integrators.families.taylor",
+)
+"""Modules whose names are documented: those in ``__all__``, or all that a module defines."""
 OURS = ("pendulum_env", "integrators")
 PHYSICAL = {
     "time", "times", "angle", "velocity", "speed", "dt", "h", "duration", "omega0", "gamma", "amplitude", "length",
@@ -36,7 +85,7 @@ YEAR = re.compile(r"\b1[5-9]\d\d\b|\b20\d\d\b")
 
 
 def public() -> Iterator[tuple[str, Any, Any]]:
-    """Label, object and the class that it belongs to, None for none, of all that has a place on the pages."""
+    """Label, object and the class that it belongs to, None for none, of all that is documented."""
     seen: set[int] = set()
     for page in PAGES:
         module = import_module(page)
@@ -83,8 +132,17 @@ def docstring(entry: Any, owner: type | None) -> str:
     return found
 
 
+def attribute(owner: Any, name: str) -> str:
+    """What the docstrings of a class's base classes say of an attribute; "" where none does."""
+    item = re.compile(rf"^ {{4}}(?:\w+, )*{name}(?:, \w+)*: (.+(?:\n {{8}}.*)*)", re.MULTILINE)
+    for base in getattr(owner, "__mro__", ())[1:]:
+        if match := item.search(inspect.getdoc(base) or ""):
+            return inspect.cleandoc(f"\n        {match[1]}")
+    return ""
+
+
 def units_of_fields(entry: Any) -> set[str]:
-    """Fields of a dataclass that have their unit in their metadata, where the pages find it."""
+    """Fields of a dataclass that have their unit in their metadata."""
     return {name for name, field in getattr(entry, "__dataclass_fields__", {}).items() if "unit" in field.metadata}
 
 
