@@ -24,6 +24,7 @@ from pendulum_env.controllers import swing_up
 
 SETTINGS, EPISODES, FIRST = Path(__file__).parent / "settings", 100, 10**6  # FIRST: seed of the first episode to judge
 RESCALED = {"gymnasium.wrappers.RescaleObservation": {"min_obs": -1.0, "max_obs": 1.0}}
+JUDGED = {"velocity_bound", "randomize"}  # keywords that are kept when a policy is judged; others are the id's own
 UPRIGHT, NEAR = 0.2, 0.05  # upright: at most so far from the top [rad]; solved: at most so much below the controller
 
 
@@ -99,7 +100,7 @@ def judged(algorithm, name, seed, changes, defaults):
     begun, worked = time.perf_counter(), time.process_time()
     policy = trained(algorithm, name, seed, given, defaults)
     took = {"seconds": time.perf_counter() - begun, "processor_seconds": time.process_time() - worked}
-    keywords = {**given.get("env_kwargs", {}), "reward_rate": False}  # rewards of the id
+    keywords = {key: given["env_kwargs"][key] for key in JUDGED & {*given["env_kwargs"]}}
     earned, away = played(name, policy, **keywords)
     return {"return": earned.mean(), "upright": float((away < UPRIGHT).mean()), "steps": int(float(given["n_timesteps"])),
             **took, "versions": versions(), "settings": given}
