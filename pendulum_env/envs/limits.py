@@ -42,6 +42,8 @@ REGISTERED = Registered(500)
 # RescaleObservation makes every velocity 0 without a word; at inf it refuses.
 IDS: Mapping[str, tuple[Registered, Mapping[str, Any]]] = MappingProxyType({
     USUAL_ID: (REGISTERED, {}),
+    "LabPendulumAnywhere-v0": (Registered(200), {
+        "task": "swing_up_anywhere", "dt": 0.05, "substeps": 2, "velocity_bound": 10.0}),
     "LabPendulumGymnasium-v0": (Registered(200), {"scene": "gymnasium", "task": "gymnasium", "velocity_bound": 8.0}),
     "LabPendulumDmControl-v0": (Registered(1000), {
         "scene": "dm_control", "task": "dm_control", "velocity_bound": math.inf}),
