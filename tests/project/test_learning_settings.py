@@ -1,4 +1,4 @@
-"""The settings in examples/learning/settings are those that RL Zoo and Stable-Baselines3 know, for environments of ours."""
+"""The settings in examples/learning/settings are what RL Zoo and Stable-Baselines3 know, for environments of ours."""
 
 from __future__ import annotations
 
@@ -54,6 +54,6 @@ def test_environments_of_settings_are_made_and_scaled(algorithm: str, name: str,
 
 def test_settings_are_for_these_tasks() -> None:
     names = {algorithm: {name for one, name, _ in SETTINGS if one == algorithm} for algorithm in ALGORITHMS}
-    assert names["ppo"] >= {pendulum_env.ENV_ID, "LabPendulumBalance-v0", "LabPendulumTrack-v0", "LabPendulumGymnasium-v0",
-                            "LabPendulumMotorBench-v0"}
+    assert names["ppo"] >= {pendulum_env.ENV_ID, "LabPendulumBalance-v0", "LabPendulumTrack-v0",
+                            "LabPendulumGymnasium-v0", "LabPendulumMotorBench-v0"}
     assert names["sac"] >= {pendulum_env.ENV_ID, "LabPendulumBalance-v0"}
