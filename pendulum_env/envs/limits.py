@@ -59,6 +59,8 @@ class Id(NamedTuple):
 # RescaleObservation makes every velocity 0 without a word; at inf it refuses.
 IDS: Mapping[str, Id] = MappingProxyType({
     USUAL_ID: Id(REGISTERED, {}, -580.0),
+    "LabPendulumAnywhere-v0": Id(Registered(200), {
+        "task": "swing_up_anywhere", "dt": 0.05, "substeps": 2, "velocity_bound": 10.0}, -78.0),
     "LabPendulumGymnasium-v0": Id(
         Registered(200), {"scene": "gymnasium", "task": "gymnasium", "velocity_bound": 8.0}, -168.0),
     "LabPendulumDmControl-v0": Id(Registered(1000), {

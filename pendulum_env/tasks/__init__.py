@@ -107,6 +107,8 @@ def track(
 _ALL = (
     Task("free", _nothing, equation="0"),
     Task("swing_up", _swing_up, start=_hanging, equation="-(phi² + 0.1 (velocity/omega0)² + 0.001 action²)"),
+    Task("swing_up_anywhere", _swing_up, start={"angle": (0.0, 2.0 * math.pi), "speed": (-1.0, 1.0)},
+         equation="-(phi² + 0.1 (velocity/omega0)² + 0.001 action²)"),
     Task("balance", _balance, _fell, _upright, equation="1 - (phi/0.5)² - 0.001 action²",
          ends='abs(phi) > 0.5: "fell"'),
     Task("swing_up_sparse", _swing_up_sparse, start=_hanging,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import copy
 import json
 import math
@@ -33,6 +34,7 @@ from pendulum_env.testing import check_vector_env
 FLOAT32 = float(np.finfo(np.float32).max)
 TRUE: dict[str, tuple[int, float, str, str]] = {
     "LabPendulum-v0": (500, FLOAT32, "lab", "swing_up"),
+    "LabPendulumAnywhere-v0": (200, 10.0, "lab", "swing_up_anywhere"),
     "LabPendulumGymnasium-v0": (200, 8.0, "gymnasium", "gymnasium"),
     "LabPendulumDmControl-v0": (1000, math.inf, "dm_control", "dm_control"),
     "LabPendulumBalance-v0": (500, math.inf, "lab", "balance"),
@@ -100,13 +102,13 @@ def test_the_gymnasium_id_is_pendulum_v1() -> None:
 def test_the_readme_has_all_ids() -> None:
     text = (ROOT / "pendulum_env" / "envs" / "README.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| `(LabPendulum\w*-v0)` \| (.*) \| (\d+) \| (\S+) \| (.*) \|$", text, flags=re.M)
-    words = {FLOAT32: "float32's largest number", 8.0: "8 rad/s", math.inf: "inf"}
+    words = {FLOAT32: "float32's largest number", 8.0: "8 rad/s", 10.0: "10 rad/s", math.inf: "inf"}
     assert [(name, int(steps), bound) for name, _, steps, _, bound in rows] == [
         (name, steps, words[bound]) for name, (steps, bound, _, _) in TRUE.items()]
     for name, keywords, _, threshold, _ in rows:
         assert float(threshold) == gym.spec(name).reward_threshold
         sets = {key: value for key, value in IDS[name][1].items() if key != "velocity_bound"}
-        assert dict(re.findall(r'(\w+)="(\w+)"', keywords)) == sets
+        assert {key: ast.literal_eval(value) for key, value in re.findall(r'(\w+)=([^`]+)', keywords)} == sets
 
 
 @pytest.mark.parametrize("name", TRUE)
@@ -118,8 +120,8 @@ def test_no_wrapper_erases_the_velocity_silently(name: str) -> None:
     if bound == math.inf:
         with pytest.raises((AssertionError, ValueError)):
             RescaleObservation(env, np.float32(-1.0), np.float32(1.0))
-    elif bound == 8.0:
-        options = {"angle": 0.0, "velocity": 4.0}
+    elif bound < FLOAT32:
+        options = {"angle": 0.0, "velocity": 0.5 * bound}
         assert RescaleObservation(env, np.float32(-1.0), np.float32(1.0)).reset(options=options)[0][2] == 0.5
 
 
