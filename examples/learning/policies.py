@@ -65,7 +65,7 @@ def main():
     parser.add_argument("folder", type=Path, help="folder of the trainings' policies")
     parser.add_argument("--tasks", nargs="*", choices=IDS, default=[*IDS])
     parser.add_argument("--seeds", type=int, nargs="*", default=[0, 1, 2])
-    parser.add_argument("--rounds", type=int, default=600, help="of each training")
+    parser.add_argument("--rounds", type=int, default=200, help="of each training")
     parser.add_argument("--episodes", type=int, default=1000, help="of the choice, and of the card")
     parser.add_argument("--out", type=Path, help="folder for the best policies with their cards; by default none")
     options = parser.parse_args()

@@ -131,6 +131,10 @@ class Bench:
         methods = none_twice([find_method(name, scene) for name in integrators])
         self.envs = [self._env(method.name) for method in methods]
         self.over = [False] * len(methods)
+        shape = self.envs[0].observation_space.shape
+        if policy is not None and shape != policy.scale.shape:
+            raise SceneError(f"The policy reads observations of shape {policy.scale.shape}, but the environment gives "
+                             f"{shape}; leave --set observation out.")
         self._seed = random.randrange(2**32)
 
     def _env(self, integrator: str) -> LabPendulumEnv:

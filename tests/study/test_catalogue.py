@@ -9,6 +9,7 @@ from readme_code import check_listed, check_table
 
 from pendulum_env import SCENES
 from pendulum_env.bench.sources import SOURCES
+from pendulum_env.controllers import POLICIES
 from pendulum_env.engine.motion import EVENTS
 from pendulum_env.lab.containers import FORMATS
 from pendulum_env.lab.quantities import QUANTITIES
@@ -20,6 +21,7 @@ from pendulum_env.tasks import TASKS
 ELSEWHERE = "integrators"
 """List that another module tests, because its limits take seconds to compute."""
 REGISTRIES = {"scenes": SCENES, "effects": EFFECTS, "bodies": BODIES, "events": EVENTS, "tasks": TASKS,
+              "policies": POLICIES,
               "sources": [kind.form() for kind in SOURCES.values()],
               "formats": [re.sub("^an? ", "", quantity.name) for quantity in QUANTITIES] + [
                   file.name for file in FORMATS]}

@@ -140,7 +140,8 @@ def test_a_policy_starts_as_its_task_does_and_needs_a_motor(clock: Clock, run_he
     assert run_here("show", "--policy", "track", "--window", "200")[0] == 0
     assert steps[-1][0].task.name == "track"
     for words, told in ((["--policy", "swingup"], "did you mean swing_up?"),
-                        (["--policy", "swing_up", "--scene", "vacuum"], "'vacuum' has no motor")):
+                        (["--policy", "swing_up", "--scene", "vacuum"], "'vacuum' has no motor"),
+                        (["--policy", "swing_up", "--set", "observation=angle"], "leave --set observation out")):
         code, _, wrong = run_here("show", *words)
         assert code == 2
         assert told in wrong
