@@ -37,12 +37,13 @@ import pendulum_env.jax as twin
 from pendulum_env.controllers import Policy, evaluate, swing_up
 
 ENVIRONMENTS, STEPS, EPOCHS, PARTS = 256, 128, 4, 8  # a round: 256 x 128 steps, used 4 times in 8 parts
-DISCOUNT, TRACE, CLIP, DIVERGENCE = 0.995, 0.99, 0.2, 0.01  # gamma, lambda, of PPO; change of the policy by a part
+TRACE, CLIP, DIVERGENCE = 0.99, 0.2, 0.01  # lambda and epsilon of PPO; change of the policy by a part
 UNITS, HELD, RATE = 32, 8, 3e-3  # of a layer; steps with the same noise; largest learning rate
-LEAST_NOISE, MOST_NOISE = -2.2, -1.2  # logarithms of the noise of a weight
+MOST_NOISE = -1.2  # logarithm of the largest noise of a weight
 OPTIMISER = optax.chain(optax.clip_by_global_norm(5.0), optax.scale_by_adam(eps=1e-5))
 ROUNDS, OFTEN = 100, 2  # rounds at most, and after how many the policy is judged
-REWARDS = {"swing_up": 0.01, "balance": 0.1, "track": 1.0}  # by task: factor that makes values a few units large
+# By task: discount (gamma of PPO), factor of rewards that makes values a few units large, logarithm of the least noise.
+TASKS = {"swing_up": (0.995, 0.01, -2.2), "balance": (0.98, 0.1, -4.0), "track": (0.95, 1.0, -2.5)}
 JUDGED, TRIED = 10**6, 2 * 10**6  # seeds of the first of the episodes that the line is about, and of those that end it
 
 VERSIONS = {"python": platform.python_version(), "lab-pendulum": pendulum_env.__version__, "numpy": np.__version__,
@@ -85,13 +86,13 @@ def acted(agent, x, drawn):
     return mean + (hidden * drawn).sum(-1)
 
 
-def advantages(agent, seen, after, rewards, lost, over):
+def advantages(agent, discount, seen, after, rewards, lost, over):
     """Return generalised advantages (Schulman et al. 2016, arXiv:1506.02438) and the returns that values should be."""
     value, later = (applied(agent["value"], x)[0] for x in (seen, after))
-    surprise = rewards + DISCOUNT * later * (1.0 - lost) - value
+    surprise = rewards + discount * later * (1.0 - lost) - value
 
     def earlier(advantage, step):
-        advantage = step[0] + DISCOUNT * TRACE * (1.0 - step[1]) * advantage
+        advantage = step[0] + discount * TRACE * (1.0 - step[1]) * advantage
         return advantage, advantage
 
     advantage = jax.lax.scan(earlier, jnp.zeros_like(value[0]), (surprise, over), reverse=True)[1]
@@ -109,13 +110,13 @@ def loss(agent, part):
     return error - gain, (ratio - 1.0 - change).mean()
 
 
-def learnt(agent, memory, key, largest, seen, after, actions, rewards, lost, over):
+def learnt(agent, memory, key, largest, discount, least_noise, seen, after, actions, rewards, lost, over):
     """Return the agent, and the optimiser's state and rate, after a round, given as arrays of (steps, environments).
 
     The rate of Adam falls where a part changes the policy by more than twice DIVERGENCE, and grows below
     half of it (Rudin et al. 2021, arXiv:2109.11978), up to ``largest``.
     """
-    advantage, returned = advantages(agent, seen, after, rewards, lost, over)
+    advantage, returned = advantages(agent, discount, seen, after, rewards, lost, over)
     rows = [x.reshape(-1, *x.shape[2:]) for x in (
         seen, actions, log_density(agent, seen, actions), advantage, returned)]
 
@@ -126,7 +127,7 @@ def learnt(agent, memory, key, largest, seen, after, actions, rewards, lost, ove
         rate = jnp.where(divergence < 0.5 * DIVERGENCE, rate * 1.5, rate).clip(max=largest)
         change, state = OPTIMISER.update(slope, state)
         agent = jax.tree.map(lambda weight, by: weight - rate * by, agent, change)
-        return (agent | {"noise": agent["noise"].clip(LEAST_NOISE, MOST_NOISE)}, state, rate), None
+        return (agent | {"noise": agent["noise"].clip(least_noise, MOST_NOISE)}, state, rate), None
 
     orders = [jax.random.permutation(one, rows[0].shape[0]) for one in jax.random.split(key, EPOCHS)]
     (agent, *memory), _ = jax.lax.scan(step, (agent, *memory), jnp.stack(orders).reshape(EPOCHS * PARTS, -1))
@@ -139,6 +140,7 @@ class Vector:
     def __init__(self, name, seed, keywords):
         self.env = gym.make_vec(name, ENVIRONMENTS, diagnostics=(), autoreset_mode="SameStep", **keywords)
         self.task = self.env.unwrapped.task.name
+        self.discount, self.factor, self.noise = TASKS[self.task]
         self.seen, _ = self.env.reset(seed=seed)
         self.inputs, length = self.seen.shape[1], self.env.unwrapped.max_episode_steps
         source = np.random.default_rng(seed)
@@ -149,7 +151,7 @@ class Vector:
                 self.seen, _ = self.env.reset(options={"reset_mask": begins == step})
         self.learn = jax.jit(learnt)
 
-    def round(self, agent, memory, key, largest, scale, reward_scale):
+    def round(self, agent, memory, key, largest, scale):
         rows, keys = [], jax.random.split(key, STEPS // HELD + 1)
         for step in range(STEPS):
             if step % HELD == 0:
@@ -159,8 +161,9 @@ class Vector:
             after, over = self.seen.copy(), lost | late
             for i in np.flatnonzero(over):
                 after[i] = infos["final_obs"][i]
-            rows.append((seen, scale * after, action, *map(np.float32, (reward_scale * reward, lost, over))))
-        return self.learn(agent, memory, keys[-1], largest, *(np.stack(x) for x in zip(*rows, strict=True)))
+            rows.append((seen, scale * after, action, *map(np.float32, (self.factor * reward, lost, over))))
+        arrays = (np.stack(x) for x in zip(*rows, strict=True))
+        return self.learn(agent, memory, keys[-1], largest, self.discount, self.noise, *arrays)
 
 
 class Twin:
@@ -170,18 +173,19 @@ class Twin:
         spec = gym.spec(name)
         self.env = twin.LabPendulum(**{"diagnostics": (), **spec.kwargs, **keywords}).gymnax(split=True)
         self.task = self.env.env.task.name
+        self.discount, self.factor, self.noise = TASKS[self.task]
         key, *keys = jax.random.split(jax.random.key(seed), ENVIRONMENTS + 1)
         self.now = jax.vmap(self.env.reset)(jnp.stack(keys))
         self.inputs = self.now[0].shape[1]
         begins = jax.random.randint(key, (ENVIRONMENTS,), 0, spec.max_episode_steps)
         object.__setattr__(self.now[1], "time", begins)  # episodes that begin in their midst end sooner
 
-    def round(self, agent, memory, key, largest, scale, reward_scale):
-        agent, memory, self.now = self._round(agent, memory, self.now, key, largest, scale, reward_scale)
+    def round(self, agent, memory, key, largest, scale):
+        agent, memory, self.now = self._round(agent, memory, self.now, key, largest, scale)
         return agent, memory
 
     @partial(jax.jit, static_argnums=0)
-    def _round(self, agent, memory, now, key, largest, scale, reward_scale):
+    def _round(self, agent, memory, now, key, largest, scale):
         def step(carry, key):
             (observation, state), drawn, count = carry
             own, new = jax.random.split(key)
@@ -193,13 +197,13 @@ class Twin:
                 jax.random.split(own, ENVIRONMENTS), state, action.clip(-1.0, 1.0)[:, None])
             over = lost | late
             after = scale * jnp.where(over[:, None], info["final_observation"], observation)
-            row = seen, after, action, reward_scale * reward, lost.astype(float), over.astype(float)
+            row = seen, after, action, self.factor * reward, lost.astype(float), over.astype(float)
             return ((observation, state), drawn, count + 1), row
 
         key, last = jax.random.split(key)
         begin = now, jnp.zeros((ENVIRONMENTS, UNITS)), 0
         (now, *_), rows = jax.lax.scan(step, begin, jax.random.split(key, STEPS))
-        return *learnt(agent, memory, last, largest, *rows), now
+        return *learnt(agent, memory, last, largest, self.discount, self.noise, *rows), now
 
 
 def train(name="LabPendulum-v0", seed=0, source=Vector, rounds=ROUNDS, often=OFTEN, **keywords) -> Iterator[Policy]:
@@ -212,11 +216,12 @@ def train(name="LabPendulum-v0", seed=0, source=Vector, rounds=ROUNDS, often=OFT
     memory = OPTIMISER.init(agent), RATE
     for turn in range(rounds):
         largest = RATE * (1.0 - turn / rounds)
-        agent, memory = world.round(agent, memory, keys[turn], largest, scale, REWARDS[world.task])
+        agent, memory = world.round(agent, memory, keys[turn], largest, scale)
         if (turn + 1) % often == 0:
             layers = [(np.asarray(weights), np.asarray(bias)) for weights, bias in agent["policy"]]
             yield Policy(layers, scale, {"task": world.task, "id": name, "training": {
                 "program": "examples/learning/ppo.py", "environments": source.__name__.lower(), "seed": seed,
+                "rounds": rounds,
                 "steps": (turn + 1) * ENVIRONMENTS * STEPS, "versions": VERSIONS}})
 
 
