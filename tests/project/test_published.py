@@ -88,10 +88,11 @@ def test_every_place_has_what_was_given_and_nothing_else_needs_it(published: Any
     assert all(f"<{GIVEN['contact']}>" in whole[name] for name in ("CODE_OF_CONDUCT.md", "SECURITY.md"))
     marks = {name for page in whole.values() for _, name, _ in published.MARKED.findall(page)}
     assert marks == {*published.texts(GIVEN)}
-    tracked = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
-    found = [(name, text) for name in tracked.splitlines() if name.endswith((".md", ".toml", ".yml", ".py", ".html"))
-             for text in re.findall(r"https?://\S*lab-?pendulum\S*", (ROOT / name).read_text(encoding="utf-8"))
-             if name not in (".ci/published.py", "pyproject.toml", "tests/project/test_published.py")]
+    folders = (".ci", ".github", "examples", "integrators", "pendulum_env", "tests")
+    files = [*ROOT.glob("*.*"), *(path for folder in folders for path in (ROOT / folder).rglob("*.*"))]
+    found = [(path, text) for path in files if path.suffix in (".md", ".toml", ".yml", ".py", ".html", ".js", ".j2")
+             for text in re.findall(r"https?://\S*lab-?pendulum\S*", path.read_text(encoding="utf-8"))
+             if path.name not in ("published.py", "pyproject.toml", "test_published.py")]
     assert [pair for pair in found if "pypi.org" not in pair[1]] == []
 
 
