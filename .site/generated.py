@@ -105,7 +105,9 @@ def environments() -> Iterator[tuple[str, str]]:
         text = spaces(name, {}) + (f"\n\nIt sets {listed(keywords)}." if keywords else "")
         whole = name == USUAL_ID
         sections = {
-            "Description": usual["Description"], "Action space": usual["Action Space"],
+            "Description": usual["Description"] if whole else
+            f"{DESCRIBED.get(task.name, '')} All else is that of [{USUAL_ID}]({USUAL_ID}.md).",
+            "Action space": usual["Action Space"],
             "Observation space": usual["Observation Space"] if whole else seen(task),
             "Rewards": usual["Rewards"] if whole else reward(task),
             "Starting state": usual["Starting State"] if whole else start(task),
