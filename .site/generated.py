@@ -14,7 +14,7 @@ from types import ModuleType
 from typing import Any
 
 import gymnasium
-from sphinx.ext.autodoc.mock import mock
+from sphinx.ext.autodoc.mock import mock, undecorate
 
 import pendulum_env
 from pendulum_env.bench import LabPendulumBenchEnv
@@ -236,6 +236,7 @@ def imported(name: str) -> Any:
 
 def shown(module: str, name: str, value: Any) -> Iterator[str]:
     """Yield the lines that show a public name, unless it has been shown."""
+    value = undecorate(value)  # of a package that is not there
     if id(value) in _seen:
         return
     _seen.add(id(value))
