@@ -14,7 +14,7 @@ from types import ModuleType
 from typing import Any
 
 import gymnasium
-from sphinx.ext.autodoc.mock import mock
+from sphinx.ext.autodoc.mock import mock, undecorate
 
 import pendulum_env
 from pendulum_env.bench import LabPendulumBenchEnv
@@ -105,25 +105,26 @@ def environments() -> Iterator[tuple[str, str]]:
         text = spaces(name, {}) + (f"\n\nIt sets {listed(keywords)}." if keywords else "")
         whole = name == USUAL_ID
         sections = {
-            "Description": usual["Description"], "Action space": usual["Action Space"],
-            "Observation space": usual["Observation Space"],
+            "Description": usual["Description"] if whole else
+            f"{DESCRIBED.get(task.name, '')} All else is that of [{USUAL_ID}]({USUAL_ID}.md).",
+            "Action space": usual["Action Space"],
+            "Observation space": usual["Observation Space"] if whole else seen(task),
             "Rewards": usual["Rewards"] if whole else reward(task),
             "Starting state": usual["Starting State"] if whole else start(task),
             "Episode end": usual["Episode End"] if whole else end(task, IDS[name][0]), "Info": usual["Info"],
             "Arguments": f"Beside any parameter of the scene by its name:\n\n{settings_table().markdown()}",
-            "Version history": usual["Version History"]}
-        yield f"environments/{name}.md", page(name, text, linked(sections, f"learning_{name}", f"learning_{task.name}"))
+            "Learning curve": curve(name, task.name), "Version history": usual["Version History"]}
+        yield f"environments/{name}.md", page(name, text, sections)
     bench = parts(LabPendulumBenchEnv.__doc__ or "")
     yield f"environments/{BENCH_ID}.md", page(BENCH_ID, "", bench)
     for task in TASKS.values():
-        keywords = {"task": task.name}
-        made = spaces(USUAL_ID, keywords)
+        made = spaces(USUAL_ID, {"task": task.name})
         sections = {
             "Description": DESCRIBED.get(task.name, ""), "Action space": usual["Action Space"],
             "Observation space": seen(task), "Rewards": reward(task), "Starting state": start(task),
             "Episode end": end(task, IDS[USUAL_ID][0]), "Arguments": f"Those of [{USUAL_ID}]({USUAL_ID}.md#arguments).",
-            "Version history": usual["Version History"]}
-        yield f"environments/{task.name}.md", page(f"Task {task.name}", made, linked(sections, f"learning_{task.name}"))
+            "Learning curve": curve(task.name), "Version history": usual["Version History"]}
+        yield f"environments/{task.name}.md", page(f"Task {task.name}", made, sections)
 
 
 def page(title: str, text: str, sections: Mapping[str, str]) -> str:
@@ -131,11 +132,10 @@ def page(title: str, text: str, sections: Mapping[str, str]) -> str:
     return "\n\n".join((f"# {title}", text, *(f"## {name}\n\n{said}" for name, said in sections.items() if said), ""))
 
 
-def linked(sections: Mapping[str, str], *figures: str) -> dict[str, str]:
-    """Return sections, with the first of the figures that exists among them."""
-    found = [name for name in figures if (ROOT / "examples" / "figures" / f"{name}.png").exists()]
-    curves = f"![Return against steps](/examples/figures/{found[0]}.png)" if found else ""
-    return {**sections, "Learning curve": curves}
+def curve(*names: str) -> str:
+    """Return the first picture of learning that exists for an id or a task."""
+    files = [f"examples/figures/learning_{name}.png" for name in names]
+    return next((f"![Return against steps](/{file})" for file in files if (ROOT / file).exists()), "")
 
 
 def listed(keywords: Mapping[str, Any]) -> str:
@@ -236,6 +236,7 @@ def imported(name: str) -> Any:
 
 def shown(module: str, name: str, value: Any) -> Iterator[str]:
     """Yield the lines that show a public name, unless it has been shown."""
+    value = undecorate(value)  # of a package that is not there
     if id(value) in _seen:
         return
     _seen.add(id(value))
