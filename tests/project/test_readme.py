@@ -21,7 +21,7 @@ BLOCKS = [(name, mark, code) for name, page in READMES.items()
 """Page, mark and code."""
 FOREIGN = "needs "
 """Beginning of the marks of code that runs in an environment of its own, in tests/adapters."""
-MANY = ("= simulated_recording()", "lab.simulated_recording()", "num_envs=1000)", "angle=np.linspace", "= section(",
+MANY = ("= simulated_recording()", "num_envs=1000)", "angle=np.linspace", "= section(",
         "fit_driven(log", "= transfer(", 'track("swing.mp4"', "import film")
 """Texts of blocks with too many steps to be interpreted."""
 ROOMS = ("integrators", "pendulum_env/physics", "pendulum_env/engine", "pendulum_env/lab", "pendulum_env/bench",

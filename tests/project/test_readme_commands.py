@@ -87,13 +87,9 @@ SHORTER = {
 ELSEWHERE = {
     "lab-pendulum track swing.mp4 --page": "bench/test_film_page.py",
     "lab-pendulum fit run1.csv run2.csv": "lab/test_driven.py",
-    ".venv/bin/lab-pendulum demo": "study/test_demo.py",
-    ".venv/bin/lab-pendulum web --out lab.html": "web/test_page.py",
     "lab-pendulum show --integrators forward_euler,symplectic_euler,rk4 --angle 45 --window 1600x900":
         "window/test_show.py",
     "lab-pendulum show --policy swing_up": "window/test_show.py",
-    'pip install -e ".[docs]"': "project/test_site.py",
-    "python .site/build.py out/site": "project/test_site.py",
     "python tests/support/guard.py": "engine/test_guard.py",
     "python tests/support/regenerate.py": "project/test_one_entry.py",
     "python tests/support/forty_digits.py": "hard_cases/test_predicted.py",
