@@ -26,7 +26,7 @@ MANY = ("= simulated_recording()", "lab.simulated_recording()", "num_envs=1000)"
 """Texts of blocks with too many steps to be interpreted."""
 ROOMS = ("integrators", "pendulum_env/physics", "pendulum_env/engine", "pendulum_env/lab", "pendulum_env/bench",
          "pendulum_env/exercise", "pendulum_env/study", "pendulum_env/web", "pendulum_env/envs", "pendulum_env/jax",
-         "pendulum_env/hard_cases", "examples/benchmarks", "tests")
+         "pendulum_env/hard_cases", "examples/benchmarks", "examples/learning", "tests")
 """Folders that have a page of their own."""
 FILM = {"angle": math.radians(60.0), "velocity": 0.0, "dt": 0.01, "damping": "none", "suspension": "rod",
         "backend": "python"}
@@ -64,7 +64,8 @@ def test_every_room_has_its_page_and_the_front_page_is_short_and_leads_to_all() 
 
 
 def test_there_are_blocks_and_both_commands() -> None:
-    assert {*READMES} - {name for name, _, _ in BLOCKS} == {"examples/benchmarks/README.md", "tests/README.md"}
+    assert {*READMES} - {name for name, _, _ in BLOCKS} == {
+        "examples/benchmarks/README.md", "examples/learning/README.md", "tests/README.md"}
     assert any(name == "README.md" and not mark for name, mark, _ in BLOCKS)
     for mark in ("main job", "tests"):
         assert re.search(rf"<!-- {mark} -->\n```sh\n.+\n```", README)
