@@ -26,7 +26,7 @@ SETTINGS, EPISODES, FIRST = Path(__file__).parent / "settings", 100, 10**6  # FI
 RESCALED = {"gymnasium.wrappers.RescaleObservation": {"min_obs": -1.0, "max_obs": 1.0}}
 JUDGED = {"velocity_bound", "randomize"}  # keywords that are kept when a policy is judged; the others are the id's own
 UPRIGHT, NEAR = 0.2, 0.05  # upright: at most so far from the top [rad]; solved: at most so much below the controller
-TRACKED = -1.81  # return of the best of 300 laws of feedback and feedforward for the task track
+TRACKED = -1.81  # return of the best of a grid of laws of feedback and feedforward for the task track
 
 
 def settings_of(algorithm, name):

@@ -16,6 +16,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
+from scipy.stats import kstest, uniform
 
 import integrators
 import pendulum_env
@@ -150,6 +151,13 @@ def test_a_reference_is_observed_now_and_ahead() -> None:
         error = math.remainder(info["angle"] - (0.4 * math.sin(2.0 * info["time"]) + 3.0), 2.0 * math.pi)
         assert reward == pytest.approx(-(error**2 + 0.001 * 0.25))
     assert np.array_equal(track(amplitude=0.2, period=1.0).goal.reference(0.25), 0.2)  # type: ignore[misc]
+
+
+def test_swing_up_anywhere_starts_at_any_angle_with_up_to_omega0() -> None:
+    """Kolmogorov's test of 2000 starts, which refuses the true distribution once in a thousand seeds."""
+    _, infos = LabPendulumVectorEnv(2000, task="swing_up_anywhere", backend="python").reset(seed=0)
+    assert kstest(np.remainder(infos["angle"], 2.0 * math.pi), uniform(0.0, 2.0 * math.pi).cdf).pvalue > 1e-3
+    assert kstest(infos["velocity"] / OMEGA0, uniform(-1.0, 2.0).cdf).pvalue > 1e-3
 
 
 def test_holding_upright_fulfils_the_sparse_task() -> None:
