@@ -21,6 +21,7 @@ import numpy as np
 from scipy import stats
 
 from pendulum_env import Sensor, controllers, plots, transfer
+from pendulum_env.common.provenance import provenance
 
 for intended in ("Steps of .* are too long for ", "integrator='auto': In .* the bob lingers near the top"):
     warnings.filterwarnings("ignore", intended)
@@ -105,7 +106,7 @@ def draw(lines, folder, file):
     below.invert_yaxis()
     below.set(xlabel="change of the return [reward s]",
               title="Lost in the pendulum after Euler (blue), on a bench after rk4 (green)")
-    figure.savefig(file)
+    plots.save(figure, file, provenance())
 
 
 def main():
