@@ -21,6 +21,7 @@ import numpy as np
 from scipy import stats
 
 from pendulum_env import Sensor, controllers, plots, transfer
+from pendulum_env.common.provenance import provenance
 
 for intended in ("Steps of .* are too long for ", "integrator='auto': In .* the bob lingers near the top"):
     warnings.filterwarnings("ignore", intended)
@@ -70,42 +71,40 @@ def bench_costs(file, dt):
 
 
 def interval(values):
-    """Return the mean of at least two seeds' values, and the half width of its 95 % interval (Student's t)."""
-    return np.mean(values), stats.t.ppf(0.975, len(values) - 1) * stats.sem(values)
+    """Return the geometric mean of a few seeds' values, and the ends of its 95 % interval (Student's t, of logarithms).
+    """
+    logs = np.log(values)
+    half = stats.t.ppf(0.975, len(logs) - 1) * stats.sem(logs)
+    return np.exp(logs.mean() + np.array([0.0, -half, half]))
 
 
 def draw(lines, folder, file):
-    """Draw promised and real returns against the step, and what integrators and a bench change."""
-    figure, (above, below) = plots.figure(2, size=(8.0, 8.4), height_ratios=(3, 2))
-    changes = {}
+    """Draw by how much the return differs in the accurate pendulum, against the step, beside what a bench costs."""
+    figure, (axes,) = plots.figure(size=(8.0, 5.5))
     for k, name in enumerate(INTEGRATORS):
-        cells = {dt: [one for one in lines if (one["integrator"], one["dt"]) == (name, dt)] for dt in STEPS}
-        x = 1e3 * np.array(STEPS) * 1.03 ** (k - 1.5)  # side by side
-        for key, look in (("own", {"ls": "--", "marker": "o", "mfc": "white"}), ("real", {"ls": "-", "marker": "o"})):
-            means, halves = np.transpose([interval([one[key] for one in cell]) for cell in cells.values()])
-            above.errorbar(x, means, halves, capsize=3, color=f"C{k}", label=name if key == "real" else None, **look)
-        if name == "forward_euler":
-            changes = {f"Euler, {1e3 * dt:.0f} ms": [one["real"] - one["own"] for one in cell]
-                       for dt, cell in cells.items()}
-    best = [one for one in lines if (one["integrator"], one["dt"]) == ("rk4", STEPS[0])]
-    bench = [bench_costs(folder / f"rk4_{STEPS[0]}_{one['seed']}.npz", STEPS[0]) for one in best]
-    changes |= {f"{part}": [one[part] for one in bench] for part in bench[0]}
-    above.set(xscale="log", xlabel="step of integration and of control [ms]", ylabel="return [reward s]",
-              title="Swing-up: return where it was trained (dashed) and in the pendulum (solid)")
-    above.set_xticks([1e3 * dt for dt in STEPS], [f"{1e3 * dt:.0f}" for dt in STEPS])
-    above.minorticks_off()
-    above.set_xlim(800.0 * STEPS[0], 1250.0 * STEPS[-1])
-    above.legend(title="trained with")
-    for row, (what, values) in enumerate(changes.items()):
-        middle, half = interval(values)
-        below.errorbar(middle, row, xerr=half, marker="o", capsize=3, color="C0" if "Euler" in what else "C2")
-        print(f"{what}: {middle:.2f} ± {half:.2f}")
-    below.axvline(0.0, color="0.6", lw=0.8)
-    below.set_yticks(range(len(changes)), list(changes))
-    below.invert_yaxis()
-    below.set(xlabel="change of the return [reward s]",
-              title="Lost in the pendulum after Euler (blue), on a bench after rk4 (green)")
-    figure.savefig(file)
+        for dt in STEPS:
+            x = 1e3 * dt * 1.04 ** (k - 1.5)  # side by side
+            lost = [abs(one["own"] - one["real"]) for one in lines if (one["integrator"], one["dt"]) == (name, dt)]
+            middle, low, high = interval(lost)
+            print(f"{name}, {1e3 * dt:.0f} ms: {middle:.2g} ({low:.2g} to {high:.2g})")
+            axes.plot([x] * len(lost), lost, ".", color=f"C{k}", alpha=0.4)
+            axes.errorbar(x, middle, [[middle - low], [high - middle]], marker="_", ms=14, capsize=3, color=f"C{k}",
+                          label=name if dt == STEPS[0] else None)
+    rk4 = [one["seed"] for one in lines if (one["integrator"], one["dt"]) == ("rk4", STEPS[0])]
+    bench = [bench_costs(folder / f"rk4_{STEPS[0]}_{seed}.npz", STEPS[0]) for seed in rk4]
+    for row, part in enumerate(bench[0]):
+        middle, low, high = interval([abs(one[part]) for one in bench])
+        print(f"bench, {part}: {middle:.2g} ({low:.2g} to {high:.2g})")
+        axes.axhline(middle, color="0.5", ls="--", lw=1.0)
+        axes.text(132.0, middle, f"bench: {part}", va=("bottom", "top")[row % 2], ha="right", color="0.3",
+                  fontsize="small")
+    axes.set(xscale="log", yscale="log", xlabel="step of integration and of control [ms]",
+             ylabel="difference of the return [reward s]", xlim=(800.0 * STEPS[0], 135.0),
+             title="Return of swing-up policies: where they were trained, less in the accurate pendulum")
+    axes.set_xticks([1e3 * dt for dt in STEPS], [f"{1e3 * dt:.0f}" for dt in STEPS])
+    axes.minorticks_off()
+    axes.legend(title="trained with")
+    plots.save(figure, file, provenance())
 
 
 def main():

@@ -34,6 +34,8 @@ import optax
 
 import pendulum_env
 import pendulum_env.jax as twin
+from pendulum_env import plots
+from pendulum_env.common.provenance import provenance
 from pendulum_env.controllers import Policy, evaluate, swing_up
 
 ENVIRONMENTS, STEPS, EPOCHS, PARTS = 256, 128, 4, 8  # a round: 256 x 128 steps, used 4 times in 8 parts
@@ -231,10 +233,11 @@ def solve(name, seed, source, rounds) -> tuple[dict, Policy]:
     goal = None
     if judge.unwrapped.task.goal.reference is None:
         goal = evaluate(swing_up(judge), judge, TRIED).returns.mean()
-    begun, worked = time.perf_counter(), time.process_time()
+    begun, worked, curve = time.perf_counter(), time.process_time(), []
     for found in train(name, seed, source, rounds):
         earned = evaluate(found, judge, TRIED)
         steps = found.card["training"]["steps"]
+        curve.append((steps, round(earned.returns.mean(), 3)))
         print(f"{name}, seed {seed}: {steps:8d} steps, {time.perf_counter() - begun:5.1f} s: return "
               f"{earned.returns.mean():8.2f}, {earned.reached.mean():4.0%} there at the end", flush=True)
         if goal is not None and earned.returns.mean() >= goal - 0.03 * abs(goal) and earned.reached.all():
@@ -243,7 +246,22 @@ def solve(name, seed, source, rounds) -> tuple[dict, Policy]:
     earned = evaluate(found, judge, JUDGED)
     return {"algorithm": "ppo.py", "id": name, "what": source.__name__.lower(), "seed": seed,
             "return": earned.returns.mean(), "upright": earned.reached.mean(), "steps": steps, **took,
-            "versions": VERSIONS}, found
+            "curve": curve, "versions": VERSIONS}, found
+
+
+def draw(lines, file):
+    """Draw the learning curves of one id's lines, and the return of the controller ``swing_up``."""
+    figure, (axes,) = plots.figure()
+    for line in lines:
+        steps, returns = np.transpose(line["curve"])
+        axes.plot(steps / 1e6, returns, color="C0", lw=1.0, alpha=0.7)
+    name = lines[0]["id"]
+    judge = gym.make_vec(name, 100, diagnostics=())
+    axes.axhline(evaluate(swing_up(judge), judge, JUDGED).returns.mean(), color="C1", ls="--", label="controller")
+    axes.set(xlabel="steps [million]", ylabel="return",
+             title=f"PPO on {name}: {len(lines)} seeds, until each has solved it")
+    axes.legend()
+    plots.save(figure, file, provenance())
 
 
 def main():
@@ -254,20 +272,25 @@ def main():
     parser.add_argument("--rounds", type=int, default=ROUNDS, help=f"of {ENVIRONMENTS * STEPS} steps, at most")
     parser.add_argument("--twin", action="store_true", help="step in JAX, not in the compiled vector")
     parser.add_argument("--policies", type=Path, help="folder for the policies")
+    parser.add_argument("--figure", type=Path, help="file for the learning curves of this id")
     options = parser.parse_args()
     source = Twin if options.twin else Vector
     lines = [json.loads(one) for one in options.file.read_text().splitlines()] if options.file.exists() else []
-    done = {(one["algorithm"], one["id"], one["what"], one["seed"]) for one in lines}
+    mine = [one for one in lines if (one["algorithm"], one["id"], one["what"]) == (
+        "ppo.py", options.id, source.__name__.lower())]
     for seed in options.seeds:
-        if ("ppo.py", options.id, source.__name__.lower(), seed) in done:
+        if any(one["seed"] == seed for one in mine):
             continue
         line, found = solve(options.id, seed, source, options.rounds)
+        mine.append(line)
         if options.policies:
             options.policies.mkdir(parents=True, exist_ok=True)
             found.save(options.policies / f"{found.card['task']}_{seed}.npz")
         with options.file.open("a") as file:
             file.write(json.dumps(line) + "\n")
         print(f"return {line['return']:.1f} in 100 other episodes, {line['upright']:.0%} there at the end", flush=True)
+    if options.figure:
+        draw(mine, options.figure)
 
 
 if __name__ == "__main__":
