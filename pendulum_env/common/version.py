@@ -23,7 +23,7 @@ def version() -> str:
     commits later, with ``.d20261129`` where files were changed after the commit (the day in UTC); without a tag
     ``0.1.dev1993+g1a2b3c4d5``, where all commits count.
     """
-    return _of_checkout(Path(__file__).parents[2]) or built()
+    return of_checkout(Path(__file__).parents[2]) or built()
 
 
 @cache
@@ -56,7 +56,7 @@ def software() -> str:
     return f"{NAME} {version()}, sources {sources()}"
 
 
-def _of_checkout(root: Path) -> str:
+def of_checkout(root: Path) -> str:
     """Return the version of a checkout in the folder ``root``; "" if it is none of this package, or git is missing."""
     project = root / "pyproject.toml"
     if not ((root / ".git").exists() and project.is_file() and f'\nname = "{NAME}"\n' in project.read_text("utf-8")):

@@ -63,7 +63,7 @@ def test_a_checkout_has_the_version_that_a_build_of_it_would_have(repository: Pa
         git(repository, "commit", "-q", "--allow-empty", "-m", "more")
     if "changed" in state:
         (repository / "README.md").write_text("Changed.")
-    found = version._of_checkout(repository)
+    found = version.of_checkout(repository)
     begun = wanted.format(commit=git(repository, "rev-parse", "--short=9", "HEAD"))
     assert found[:len(begun)] == begun
     assert len(found) == len(begun) + (8 if begun.endswith(".d") else 0)
@@ -74,32 +74,32 @@ def test_a_clone_of_a_tag_an_archive_of_it_and_files_alone_have_a_version(reposi
     """A shallow clone without tags, too; and nothing is taken for a checkout of this package that is none."""
     git(tmp_path, "clone", "-q", "--depth", "1", repository.as_uri(), "shallow")
     commit = git(repository, "rev-parse", "--short=9", "HEAD")
-    assert version._of_checkout(tmp_path / "shallow") == built(tmp_path / "shallow") == f"0.1.dev1+g{commit}"
+    assert version.of_checkout(tmp_path / "shallow") == built(tmp_path / "shallow") == f"0.1.dev1+g{commit}"
     git(repository, "tag", "v0.2.0")
     git(repository, "archive", "-o", str(tmp_path / "archive.tar"), "HEAD")
     with tarfile.open(tmp_path / "archive.tar") as archive:
         archive.extractall(tmp_path / "archive", filter="data")
-    assert (built(tmp_path / "archive"), version._of_checkout(tmp_path / "archive")) == ("0.2.0", "")
+    assert (built(tmp_path / "archive"), version.of_checkout(tmp_path / "archive")) == ("0.2.0", "")
     shutil.rmtree(repository / ".git")
-    assert (built(repository), version._of_checkout(repository)) == (version.UNKNOWN, "")
+    assert (built(repository), version.of_checkout(repository)) == (version.UNKNOWN, "")
     (tmp_path / "pyproject.toml").write_text('[project]\nname = "other"\n')
     git(tmp_path, "init", "-q")
-    assert version._of_checkout(tmp_path) == ""
+    assert version.of_checkout(tmp_path) == ""
 
 
 def test_git_of_a_hook_is_not_asked_about_its_own_repository(
     repository: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    wanted = version._of_checkout(repository)
+    wanted = version.of_checkout(repository)
     monkeypatch.setenv("GIT_DIR", str(ROOT / "nowhere"))
-    assert version._of_checkout(repository) == wanted != ""
+    assert version.of_checkout(repository) == wanted != ""
 
 
 def test_without_git_the_version_is_that_of_the_installation(
     repository: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PATH", "")
-    assert version._of_checkout(repository) == ""
+    assert version.of_checkout(repository) == ""
 
 
 def test_another_installation_s_version_is_not_taken_for_that_of_these_files(
