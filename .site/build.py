@@ -154,7 +154,7 @@ class Site:
                 name = PurePosixPath(file).stem.replace("_", " ").capitalize()
                 entries.setdefault(name, "\n\n".join((
                     f"## {name}", self.relinked(f"![{alt}]({file})", path), self.relinked(caption or f"{alt}.", path),
-                    f"```sh\n{command(ROOT / normpath(PurePosixPath(path).parent / file))}\n```",
+                    f"```sh\n{command(picture(file, path))}\n```",
                     f"From [{title}](/{place}).", "")))
         own = (HERE / "pages" / "gallery.md").read_text(encoding="utf-8")
         self.write("gallery", self.relinked(own, "README.md") + "".join(entries.values()))
@@ -174,6 +174,14 @@ class Site:
                        f"# {says}\n\n`python examples/{path.name}`\n\n````python\n{text}````\n")
         head = "# Examples\n\nShort programs, each of which runs headless and checks its result.\n\n"
         self.write("examples/index", head + toctree([f"/examples/{path.stem}" for path in paths]))
+
+
+def picture(file: str, source: str) -> Path:
+    """Return the path of a picture that the README ``source`` shows; LookupError if there is none."""
+    path = ROOT / normpath(PurePosixPath(source).parent / file)
+    if not path.is_file():
+        raise LookupError(f"{source} shows {file}, and there is no such file.")
+    return path
 
 
 def command(picture: Path) -> str:

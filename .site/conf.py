@@ -19,8 +19,8 @@ import pendulum_env
 
 project = "LabPendulum"
 release = pendulum_env.__version__
-html_title = f"LabPendulum {release}"
-copyright = "the authors of LabPendulum, MIT licence"
+html_title = "LabPendulum"
+copyright = f"the authors of LabPendulum, MIT licence; version {release}"
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 html_theme = "furo"
 html_css_files = ["site.css"]

@@ -63,6 +63,7 @@ REFERENCE: Mapping[str, tuple[str, tuple[str, ...]]] = {
 DESCRIBED: Mapping[str, str] = {
     "free": "Let go and watched: nothing is rewarded.",
     "swing_up": "Swing the bob up, with a motor that is too weak to lift it directly, and hold it there.",
+    "swing_up_anywhere": "Swing the bob up and hold it there, from any angle, with up to omega0.",
     "balance": "Hold the bob upright, from a start near the top.",
     "swing_up_sparse": "Swing up and hold, with a reward at the top alone.",
     "track": "Follow a reference angle, by default a slow swing.",
@@ -93,16 +94,18 @@ def parts(docstring: str) -> dict[str, str]:
 def environments() -> Iterator[tuple[str, str]]:
     """Yield a page for each id, one for each task, and their list."""
     usual = parts(pendulum_env.LabPendulumEnv.__doc__ or "")
-    rows = [f"| [{name}]({name}.md) | [{task}]({task}.md) | {steps} |" for name, (steps, keywords) in IDS.items()
-            for task in [keywords.get("task", USUAL_TASK)]]
-    table = "\n".join(("| id | task | control steps of an episode |", "| --- | --- | --- |", *rows))
+    rows = [f"| [{name}]({name}.md) | [{task}]({task}.md) | {made.steps} | {made.reward_threshold:g} |"
+            for name, made in IDS.items() for task in [made.keywords.get("task", USUAL_TASK)]]
+    table = "\n".join(("| id | task | control steps of an episode | solved from |", "| --- | --- | --- | --- |", *rows))
     yield "environments/index.md", "\n".join((
         "# Environments and tasks", "", "A page for each id of `gym.make` and `gym.make_vec`, and for each task.", "",
         table, "", f"[`{BENCH_ID}`]({BENCH_ID}.md) is a motor and an encoder, in real time.", "",
         "```{toctree}", ":maxdepth: 1", "", *IDS, BENCH_ID, *TASKS, "```", ""))
-    for name, (_, keywords) in IDS.items():
-        task = TASKS[keywords.get("task", USUAL_TASK)]
-        text = spaces(name, {}) + (f"\n\nIt sets {listed(keywords)}." if keywords else "")
+    for name, made in IDS.items():
+        task = TASKS[made.keywords.get("task", USUAL_TASK)]
+        solved = f"a mean return of {made.reward_threshold:g} in 100 episodes, `env.spec.reward_threshold`"
+        sets = f"\n\nIt sets {listed(made.keywords)}." * bool(made.keywords)
+        text = f"{spaces(name, {})}\n| solved from | {solved} |{sets}"
         whole = name == USUAL_ID
         sections = {
             "Description": usual["Description"] if whole else
@@ -111,20 +114,21 @@ def environments() -> Iterator[tuple[str, str]]:
             "Observation space": usual["Observation Space"] if whole else seen(task),
             "Rewards": usual["Rewards"] if whole else reward(task),
             "Starting state": usual["Starting State"] if whole else start(task),
-            "Episode end": usual["Episode End"] if whole else end(task, IDS[name][0]), "Info": usual["Info"],
+            "Episode end": usual["Episode End"] if whole else end(task, made.steps), "Info": usual["Info"],
             "Arguments": f"Beside any parameter of the scene by its name:\n\n{settings_table().markdown()}",
             "Learning curve": curve(name, task.name), "Version history": usual["Version History"]}
         yield f"environments/{name}.md", page(name, text, sections)
     bench = parts(LabPendulumBenchEnv.__doc__ or "")
     yield f"environments/{BENCH_ID}.md", page(BENCH_ID, "", bench)
     for task in TASKS.values():
-        made = spaces(USUAL_ID, {"task": task.name})
+        text = spaces(USUAL_ID, {"task": task.name})
         sections = {
             "Description": DESCRIBED.get(task.name, ""), "Action space": usual["Action Space"],
             "Observation space": seen(task), "Rewards": reward(task), "Starting state": start(task),
-            "Episode end": end(task, IDS[USUAL_ID][0]), "Arguments": f"Those of [{USUAL_ID}]({USUAL_ID}.md#arguments).",
+            "Episode end": end(task, IDS[USUAL_ID].steps),
+            "Arguments": f"Those of [{USUAL_ID}]({USUAL_ID}.md#arguments).",
             "Learning curve": curve(task.name), "Version history": usual["Version History"]}
-        yield f"environments/{task.name}.md", page(f"Task {task.name}", made, sections)
+        yield f"environments/{task.name}.md", page(f"Task {task.name}", text, sections)
 
 
 def page(title: str, text: str, sections: Mapping[str, str]) -> str:

@@ -80,6 +80,12 @@ def test_links_of_readmes_become_those_of_pages(builder: ModuleType, tmp_path: P
             site.target(link, here)
 
 
+def test_a_picture_that_is_missing_is_named(builder: ModuleType) -> None:
+    assert builder.picture("../../examples/figures/fit.png", "pendulum_env/lab/README.md").name == "fit.png"
+    with pytest.raises(LookupError, match=r"lab/README\.md shows \.\./nowhere\.png, and there is no such file"):
+        builder.picture("../nowhere.png", "pendulum_env/lab/README.md")
+
+
 def test_a_section_is_a_page_whatever_stands_in_code(builder: ModuleType) -> None:
     text = "# Title\n\nIntro.\n\n## One `thing`\n\n```sh\n## no heading\n```\n\n### Part\n\n## Two\nend\n"
     assert builder.sections(text) == [
