@@ -30,6 +30,19 @@ LINK = re.compile(r"(!?)\[((?:[^\[\]]|\[[^\]]*\])*)\]\((?!\w+:)([^)\s]+)\)")
 """A link or a picture of Markdown whose target is no address: the mark of a picture, text, target."""
 PICTURE = re.compile(r"^!\[([^\]]*)\]\(([^)]+)\)\n(?:\n\*(.*?)\*\n)?", flags=re.S | re.M)
 """A picture in a README: what it shows, its file, and the caption, if there is one."""
+MADE = re.compile(r"\s*\w+ by\s+`lab-pendulum [^`]*`\.?\s*$")
+"""The end of a caption that gives the command, which the gallery shows below the picture."""
+TITLES = {
+    "three_eulers": "Three Euler methods", "fit": "A recording and its fit", "corner": "What a fit leaves open",
+    "acquire": "A sensor, live", "track": "A film, and the swing in it", "track_page": "Clicks on a film",
+    "learning": "What policies learn of their integrator", "learning_swing_up": "Ten policies learn to swing up",
+    "energy": "Energy of five integrators", "cost": "What accuracy costs",
+    "precision": "Accuracy beside other libraries", "gradients": "Derivatives, and what they cost",
+}
+"""Figure of a README -> its title in the gallery; without one, the first words of what it shows."""
+FRONT = {"Tutorials": "tutorials", "How-to": "how-to", "Environments": "environments/index", "Reference": "reference",
+         "Gallery": "gallery"}
+"""Links below the title of the first page, and their pages."""
 EXAMPLE = re.compile(r"examples/[0-9]\w*\.py")
 """Path of an example, which has a page."""
 
@@ -143,7 +156,9 @@ class Site:
     def front(self, names: list[str]) -> None:
         """Write the first page: the front page, with the site's contents."""
         text = (ROOT / "README.md").read_text(encoding="utf-8")
-        self.write("index", f"{self.relinked(text, 'README.md')}\n{toctree(names, 'hidden')}")
+        title, _, rest = self.relinked(text, "README.md").partition("\n")
+        links = " · ".join(f"[{name}](/{page}.md)" for name, page in FRONT.items())
+        self.write("index", f"{title}\n\n{links}\n{rest}\n{toctree(names, 'hidden')}")
 
     def gallery(self) -> None:
         """Draw the gallery's own figures, and add those of READMEs, each with the command that it says made it."""
@@ -151,9 +166,10 @@ class Site:
         for path, text in {"README.md": front, **readmes()}.items():
             title, place = (self.rooms[path][0][0], path) if path in self.rooms else ("the front page", "index.md")
             for alt, file, caption in PICTURE.findall(text):
-                name = PurePosixPath(file).stem.replace("_", " ").capitalize()
+                name, says = PurePosixPath(file).stem, MADE.sub("", caption) or f"{alt}."
                 entries.setdefault(name, "\n\n".join((
-                    f"## {name}", self.relinked(f"![{alt}]({file})", path), self.relinked(caption or f"{alt}.", path),
+                    f"## {TITLES.get(name) or re.split('[,:]', alt)[0]}", self.relinked(f"![{alt}]({file})", path),
+                    self.relinked(says, path),
                     f"```sh\n{command(picture(file, path))}\n```",
                     f"From [{title}](/{place}).", "")))
         own = (HERE / "pages" / "gallery.md").read_text(encoding="utf-8")

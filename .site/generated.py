@@ -18,6 +18,7 @@ from sphinx.ext.autodoc.mock import mock, undecorate
 
 import pendulum_env
 from pendulum_env.bench import LabPendulumBenchEnv
+from pendulum_env.common.texts import Table
 from pendulum_env.envs.limits import BENCH_ID, IDS, USUAL_ID
 from pendulum_env.envs.settings import settings_table
 from pendulum_env.tasks import TASKS, USUAL_TASK, Task
@@ -86,8 +87,10 @@ def pages() -> Iterator[tuple[str, str]]:
 
 
 def parts(docstring: str) -> dict[str, str]:
-    """Return the sections of an environment's docstring by their titles."""
-    found = re.split(r"^## (.*)\n", textwrap.dedent(docstring), flags=re.M)
+    """Return the sections of an environment's docstring by their titles; a section of a README becomes a link."""
+    linked = re.sub(r"the section (\w+) of ``([\w/]+)/README\.md``", lambda found:
+                    f"[the section {found[1]}](/{found[2]}/{found[1].lower()}.md)", textwrap.dedent(docstring))
+    found = re.split(r"^## (.*)\n", linked, flags=re.M)
     return {title: text.strip() for title, text in zip(found[1::2], found[2::2], strict=True)}
 
 
@@ -115,7 +118,7 @@ def environments() -> Iterator[tuple[str, str]]:
             "Rewards": usual["Rewards"] if whole else reward(task),
             "Starting state": usual["Starting State"] if whole else start(task),
             "Episode end": usual["Episode End"] if whole else end(task, made.steps), "Info": usual["Info"],
-            "Arguments": f"Beside any parameter of the scene by its name:\n\n{settings_table().markdown()}",
+            "Arguments": f"Beside any parameter of the scene by its name:\n\n{arguments()}",
             "Learning curve": curve(name, task.name), "Version history": usual["Version History"]}
         yield f"environments/{name}.md", page(name, text, sections)
     bench = parts(LabPendulumBenchEnv.__doc__ or "")
@@ -136,6 +139,12 @@ def page(title: str, text: str, sections: Mapping[str, str]) -> str:
     return "\n\n".join((f"# {title}", text, *(f"## {name}\n\n{said}" for name, said in sections.items() if said), ""))
 
 
+def arguments() -> str:
+    """Return the table of settings; defaults stand beside meanings, as three columns are too wide for a phone."""
+    rows = ((name, f"{meaning} (default {default})") for name, default, meaning in settings_table().rows)
+    return Table(("keyword", "meaning and default"), tuple(rows)).markdown()
+
+
 def curve(*names: str) -> str:
     """Return the first picture of learning that exists for an id or a task."""
     files = [f"examples/figures/learning_{name}.png" for name in names]
@@ -152,10 +161,12 @@ def spaces(name: str, keywords: Mapping[str, Any]) -> str:
     env = gymnasium.make(name, backend="python", warn=False, **keywords)
     made = "".join(f", {key}={value!r}" for key, value in keywords.items())
     env.close()
+    found = [(each, *re.subn(r"-?3\.4028235e\+38", "unbounded", " ".join(text.replace(".0000000e+00", ".").split())))
+             for each, text in (("action", str(env.action_space)), ("observation", str(env.observation_space)))]
     return "\n".join((
         f"| made by | `import pendulum_env; gym.make(\"{name}\"{made})` |", "| --- | --- |",
-        *(f"| {each} space | `{' '.join(str(space).split())}` |" for each, space in (
-            ("action", env.action_space), ("observation", env.observation_space)))))
+        *(f"| {each} space | `{space}`{', where unbounded is the largest float32' * bool(cut)} |"
+          for each, space, cut in found)))
 
 
 def reward(task: Task) -> str:

@@ -59,11 +59,11 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
 
     ``Box(float32, (3,))``: cos(theta), sin(theta), angular velocity [rad/s]. With `observation="angle"` there is no
     velocity; with "encoder" it is computed from readings; with "history" there are the cosines and sines of several
-    readings, the oldest first. Entries of a task's reference follow.
+    readings, the oldest first. In the task `track`, the reference's entries come after these.
 
     ## Rewards
 
-    phi is the angle from upright in [-pi, pi], omega0 the angular frequency of small swings.
+    phi is the angle from upright in [-pi, pi], omega0 the angular frequency of small swings. Usual task: `swing_up`.
 
     {tasks}
 
