@@ -20,7 +20,7 @@ from typing import Any
 from urllib.parse import unquote, urlsplit
 
 import pytest
-from beside import environment
+from beside import environment, once
 from check_all import check_all
 from in_browser import visited
 from readme_code import READMES, ROOT, only
@@ -101,12 +101,14 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The site, built where the extra ``docs`` is installed, and with every way out of this machine closed."""
     (wanted,) = re.findall(r'^docs = \[(.+)\]', (ROOT / "pyproject.toml").read_text(encoding="utf-8"), flags=re.M)
     python = environment(tmp_path_factory, "docs", *json.loads(f"[{wanted}]"))
-    folder = tmp_path_factory.mktemp("site") / "site"
     closed = dict.fromkeys(("http_proxy", "https_proxy", "HTTP_PROXY", "HTTPS_PROXY"), "http://127.0.0.1:9")
-    done = subprocess.run([python, SITE / "build.py", folder], cwd=ROOT, env={**os.environ, **closed}, check=False,
-                          capture_output=True, text=True, encoding="utf-8")
-    assert done.returncode == 0, done.stderr[-5000:]
-    return folder
+
+    def built(folder: Path) -> None:
+        done = subprocess.run([python, SITE / "build.py", folder / "site"], cwd=ROOT, env={**os.environ, **closed},
+                              check=False, capture_output=True, text=True, encoding="utf-8")
+        assert done.returncode == 0, done.stderr[-5000:]
+
+    return once(tmp_path_factory, "site", built) / "site"
 
 
 class Page(HTMLParser):

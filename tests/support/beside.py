@@ -1,4 +1,5 @@
-"""Environments beside the running one: they have its packages and the checkout, and what they are to have more."""
+"""What is made once for all processes of a test session: environments beside the running one, which have its packages and
+the checkout, and what they are to have more."""
 
 from __future__ import annotations
 
@@ -8,6 +9,7 @@ import sys
 import sysconfig
 import time
 import venv
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -23,26 +25,32 @@ LONGEST = 1800.0
 
 def environment(folders: pytest.TempPathFactory, name: str, *wanted: str) -> Path:
     """Python of an environment that has these requirements, too: made once for all processes of a test session."""
+    inside = "Scripts/python.exe" if sys.platform == "win32" else "bin/python"
+    return once(folders, name, lambda folder: _make(folder, folder / inside, wanted)) / inside
+
+
+def once(folders: pytest.TempPathFactory, name: str, make: Callable[[Path], None]) -> Path:
+    """The folder ``name``, which ``make`` fills: once for all processes of a test session."""
     base = folders.getbasetemp()
     folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / name
-    done, python = folder / "done", folder / ("Scripts/python.exe" if sys.platform == "win32" else "bin/python")
+    done = folder / "done"
     try:
         folder.mkdir()
     except FileExistsError:
         _await(done)
     else:
         try:
-            _make(folder, python, wanted)
+            make(folder)
             said = ""
         except BaseException as error:
-            said = f"The environment '{name}' could not be made: {error}"
+            said = f"'{name}' could not be made: {error}"
             raise
         finally:
             (folder / "saying").write_text(said, encoding="utf-8")
             (folder / "saying").replace(done)
     if said := done.read_text(encoding="utf-8"):
         raise RuntimeError(said)
-    return python
+    return folder
 
 
 def _make(folder: Path, python: Path, wanted: tuple[str, ...]) -> None:
