@@ -1,5 +1,7 @@
-"""What is made once for all processes of a test session: environments beside the running one, which have its packages and
-the checkout, and what they are to have more."""
+"""What is made once for all processes of a test session, such as environments beside the running one.
+
+These have its packages and the checkout, and what they are to have more.
+"""
 
 from __future__ import annotations
 
