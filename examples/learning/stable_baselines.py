@@ -20,12 +20,12 @@ import numpy as np
 import yaml
 
 import pendulum_env
-from pendulum_env.controllers import swing_up
+from pendulum_env.controllers import evaluate, swing_up
 
 SETTINGS, EPISODES, FIRST = Path(__file__).parent / "settings", 100, 10**6  # FIRST: seed of the episodes that judge
 RESCALED = {"gymnasium.wrappers.RescaleObservation": {"min_obs": -1.0, "max_obs": 1.0}}
 JUDGED = {"velocity_bound", "randomize"}  # keywords that are kept when a policy is judged; the others are the id's own
-UPRIGHT, NEAR = 0.2, 0.05  # upright: at most so far from the top [rad]; solved: at most so much below the controller
+NEAR = 0.05  # solved: at most so much below the controller
 TRACKED = -1.81  # return of the best of a grid of laws of feedback and feedforward for the task track
 
 
@@ -35,17 +35,9 @@ def settings_of(algorithm, name):
 
 
 def played(name, choose, **keywords):
-    """Return the returns of EPISODES whole episodes, and the distances from the top at their ends [rad]."""
+    """Return what a policy earns in EPISODES whole episodes, and where it ends upright, or at its reference."""
     env = gym.make_vec(name, EPISODES, vectorization_mode="vector_entry_point", diagnostics=(), **keywords)
-    seen, _ = env.reset(seed=FIRST)
-    top = 1.0 if "Gymnasium" in name else -1.0  # the cosine there, as the id observes it
-    total, away, going = np.zeros(EPISODES), np.zeros(EPISODES), np.ones(EPISODES, bool)
-    while going.any():
-        seen, reward, lost, late, _ = env.step(choose(seen))
-        total += reward * going
-        away[going] = np.arccos(np.clip(top * seen[going, 0], -1.0, 1.0))
-        going &= ~(lost | late)
-    return total, away
+    return evaluate(choose, env, FIRST)
 
 
 def scaled(env):
@@ -104,10 +96,10 @@ def judged(algorithm, name, seed, changes, defaults):
     begun, worked = time.perf_counter(), time.process_time()
     policy = trained(algorithm, name, seed, given, defaults)
     took = {"seconds": time.perf_counter() - begun, "processor_seconds": time.process_time() - worked}
-    earned, away = played(name, policy, **{} if defaults else kept(given))
+    earned = played(name, policy, **{} if defaults else kept(given))
     versions = {"python": platform.python_version(), "lab-pendulum": pendulum_env.__version__, "numpy": np.__version__,
                 "stable-baselines3": stable_baselines3.__version__, "torch": torch.__version__}
-    return {"return": earned.mean(), "upright": (away < UPRIGHT).mean(), "steps": given["n_timesteps"], **took,
+    return {"return": earned.returns.mean(), "upright": earned.reached.mean(), "steps": given["n_timesteps"], **took,
             "versions": versions, "settings": given}
 
 
@@ -121,7 +113,7 @@ def goal(name):
     if "Track" in name:
         return TRACKED
     controller = swing_up(gym.make_vec(name, EPISODES, vectorization_mode="vector_entry_point"))
-    return played(name, controller, **kept(settings_of("ppo", name)))[0].mean()
+    return played(name, controller, **kept(settings_of("ppo", name))).returns.mean()
 
 
 def table(lines):
@@ -152,6 +144,8 @@ def main():
     parser.add_argument("--defaults", action="store_true", help="the library's settings, not ours")
     parser.add_argument("--change", nargs="*", default=[], help="NAME=VALUE, in YAML, in place of one of our settings")
     options = parser.parse_args()
+    if options.defaults and options.change:
+        parser.error("--defaults takes none of our settings, so that --change has nothing to change; give one of them.")
     changes = {key: yaml.safe_load(value) for key, value in (one.split("=", 1) for one in options.change)}
     what = "defaults" if options.defaults else " ".join(options.change) or "ours"
     for algorithm, name, seed in [(a, n, s) for a in options.algorithms for n in options.ids for s in options.seeds]:
