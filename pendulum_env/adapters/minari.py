@@ -26,7 +26,7 @@ from pendulum_env.common.checks import (
     whole_number,
 )
 from pendulum_env.common.progress import Progress, told_by, with_bar
-from pendulum_env.common.version import NAME, sources, version
+from pendulum_env.common.version import NAME, built, sources, version
 
 try:
     import h5py  # noqa: F401  Minari's storage, which it imports when it writes
@@ -119,7 +119,8 @@ def collect(
                                     action_space=env.action_space, env_spec=spec)
         storage.update_metadata({
             "dataset_id": dataset_id, "minari_version": importlib.metadata.version("minari"),
-            "requirements": [f"{NAME}>={version().partition('+')[0]}"], "software": f"{NAME} {version()}",
+            # Minari compares it with what is installed, which git may be ahead of in a checkout.
+            "requirements": [f"{NAME}>={built().partition('+')[0]}"], "software": f"{NAME} {version()}",
             "sources": sources(), **metadata})
         ready: list[Any] = []
         for episode in episodes_of(vector, act, goal, steps is not None, first, names, tell):
