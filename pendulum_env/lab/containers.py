@@ -121,8 +121,8 @@ def text_of(name: str, part: str | None = None) -> tuple[str, list[str]]:
             the readings of a sensor.
 
     Raises RecordingError for a file that cannot be read, is empty, damaged or larger than
-    :class:`pendulum_env.lab.decoding.Limits`, holds other binary data or several tables, and if python-calamine, which
-    reads workbooks, is not installed.
+    :class:`pendulum_env.lab.decoding.Limits`, holds other binary data or several tables, and if
+    python-calamine and xlrd, which read workbooks, are not installed.
     """
     with decoding(name):
         text, notes = _text(name, contents(name), part)
@@ -193,18 +193,43 @@ def _unpacked(name: str, data: bytes, part: str | None) -> tuple[str, list[str]]
 def _sheet(name: str, data: bytes, part: str | None) -> tuple[str, list[str]]:
     """Return the sheet of a workbook as text with tabs between columns, and a note on its name."""
     try:
-        from python_calamine import CalamineWorkbook
+        sheets = _old_sheets(name, data) if data[:4] == _OLD_WORKBOOK else _sheets(name, data)
     except ImportError:
-        raise RecordingError(f"{name}: reading a workbook needs python-calamine; pip install 'lab-pendulum[sheets]', "
-                             "or save the sheet as CSV") from None
-    book = CalamineWorkbook.from_filelike(io.BytesIO(data))
-    check(name, "entries", len(book.sheet_names))
-    sheets = {title: book.get_sheet_by_name(title).to_python() for title in book.sheet_names}
+        raise RecordingError(f"{name}: reading a workbook needs python-calamine and xlrd; pip install "
+                             "'lab-pendulum[sheets]', or save the sheet as CSV") from None
     tables = [title for title, rows in sheets.items() if _numeric(rows) >= _LEAST]
     readings = [title for title in tables if _of_a_sensor(map(_cell, sheets[title][0]))]
     entry = chosen(name, "sheet", tables, part, readings)
     return _tabbed(map(_cell, row) for row in sheets[entry]), [
         f"workbook: sheet {entry} is read{_besides(entry, tables, part)}"]
+
+
+def _sheets(name: str, data: bytes) -> dict[str, list[list[Any]]]:
+    """Return the rows of each sheet of a workbook (.xlsx, .ods) by the sheet's name."""
+    from python_calamine import CalamineWorkbook
+
+    book = CalamineWorkbook.from_filelike(io.BytesIO(data))
+    check(name, "entries", len(book.sheet_names))
+    return {title: book.get_sheet_by_name(title).to_python() for title in book.sheet_names}
+
+
+def _old_sheets(name: str, data: bytes) -> dict[str, list[list[Any]]]:
+    """Return the rows of each sheet of a workbook of Excel 97 to 2003 (.xls) by the sheet's name.
+
+    xlrd reads it, since calamine takes memory for all cells up to the farthest before anybody can look: 13 GB for a
+    file of 6 kB with one damaged cell. To xlrd a cell beyond column 256 or row 65536 is an error.
+    """
+    import xlrd
+
+    book = xlrd.open_workbook(file_contents=data, logfile=io.StringIO(), on_demand=True, ragged_rows=True)
+    check(name, "entries", book.nsheets)
+
+    def value(cell: Any) -> Any:
+        if cell.ctype == xlrd.XL_CELL_DATE:
+            return xlrd.xldate_as_datetime(cell.value, book.datemode)
+        return "" if cell.ctype == xlrd.XL_CELL_ERROR else cell.value
+
+    return {sheet.name: [[value(cell) for cell in sheet.row(i)] for i in range(sheet.nrows)] for sheet in book.sheets()}
 
 
 def _chosen(

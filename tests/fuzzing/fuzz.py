@@ -376,6 +376,7 @@ def main() -> None:
         Path("swing.csv").write_bytes(files["Recording.read"][0])
         Path("scene.json").write_bytes(files["Scene.load"][0])
         import matplotlib.pyplot  # noqa: F401  looks for its fonts with programs, before that is refused
+
         from pendulum_env.common.version import version
 
         version()  # asks git once, for the same reason

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import os
 import random
+import struct
 import subprocess
 import sys
 import tracemalloc
 import zipfile
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -113,6 +115,31 @@ def test_what_is_too_large_is_refused_before_memory_is_taken(case: str, tmp_path
         assert tracemalloc.get_traced_memory()[1] < 60e6 + 3 * len(data)
     finally:
         tracemalloc.stop()
+
+
+@pytest.mark.parametrize("place", [(14649, 14649), (65535, 256), (65535, 255)])
+def test_the_farthest_cell_of_an_old_workbook_takes_no_memory(place: tuple[int, int], tmp_path: Path) -> None:
+    """An .xls has at most 65536 rows of 256 columns ([MS-XLS] 2.5.206, 2.5.16): a damaged one may name any cell."""
+    whole = old_workbook([("one", [*ROWS, ("last", 0.125)])])
+    here, there = struct.pack("<HHHd", len(ROWS), 1, 0, 0.125), struct.pack("<HHHd", *place, 0, 0.125)
+    assert whole.count(here) == 1
+    tracemalloc.start()
+    try:
+        if place[1] > 255:
+            with pytest.raises(RecordingError, match="damaged or encrypted"):
+                read(tmp_path / "swing.xls", whole.replace(here, there))
+        else:
+            assert read(tmp_path / "swing.xls", whole.replace(here, there)).endswith("\t0.125\n")
+        assert tracemalloc.get_traced_memory()[1] < 60e6
+    finally:
+        tracemalloc.stop()
+
+
+def test_dates_of_an_old_workbook_keep_their_seconds(tmp_path: Path) -> None:
+    begin = datetime(2026, 3, 1, 9, 30)
+    rows = [("Time", "Angle (deg)"), *((begin + timedelta(seconds=15 * i), 2.0 * i) for i in range(4))]
+    lines = read(tmp_path / "swing.xls", old_workbook([("one", rows)])).splitlines()
+    assert lines[1:] == [f"2026-03-01T09:3{i // 4}:{15 * (i % 4):02d}\t{2.0 * i}" for i in range(4)]
 
 
 def test_the_limit_of_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

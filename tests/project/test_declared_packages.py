@@ -25,7 +25,7 @@ MODULES = {"PIL": "Pillow", "pygame": "pygame-ce"}
 """Name of a module -> name of its package, where they differ by more than a dash."""
 OPTIONAL = {"anywidget", "arviz_base", "av", "corner", "cv2", "distributed", "emcee", "h5py", "jax", "jinja2",
             "markupsafe", "minari", "mpmath", "python_calamine", "serial", "stable_baselines3", "tensordict",
-            "torch", "torchrl", "traitlets", "godirect", "pasco", "nidaqmx"}
+            "torch", "torchrl", "traitlets", "godirect", "pasco", "nidaqmx", "xlrd"}
 """Modules that a user installs for one feature, which names the package where it is missing; markupsafe is jinja2's,
 traitlets anywidget's, torch and tensordict TorchRL's, h5py Minari's; serial is pyserial, cv2 OpenCV."""
 TOOLS = (" uv", " build twine hatchling")

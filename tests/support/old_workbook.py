@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
+from datetime import datetime, timedelta
 
-Row = Sequence[str | float]
+Row = Sequence[str | float | datetime]
 MAGIC = b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"
 SECTOR = 512
 FREE, END, FAT = 0xFFFFFFFF, 0xFFFFFFFE, 0xFFFFFFFD
-BOF, EOF, CODEPAGE, BOUNDSHEET, DIMENSIONS, NUMBER, LABEL = 0x809, 0x0A, 0x42, 0x85, 0x200, 0x203, 0x204
+BOF, EOF, CODEPAGE, BOUNDSHEET, DIMENSIONS, NUMBER, LABEL, XF = 0x809, 0x0A, 0x42, 0x85, 0x200, 0x203, 0x204, 0xE0
 GLOBALS, SHEET = 0x0005, 0x0010
 
 
@@ -38,12 +39,15 @@ def text(value: str, size: str) -> bytes:
 
 
 def cells(rows: Sequence[Row]) -> bytes:
-    """A sheet of numbers and texts."""
+    """A sheet of numbers, texts and dates, which are days since the end of 1899 in the format of dates."""
     wide = max(map(len, rows))
     found = [begin(SHEET), record(DIMENSIONS, struct.pack("<IIHHH", 0, len(rows), 0, wide, 0))]
     for i, row in enumerate(rows):
         for j, value in enumerate(row):
-            place = struct.pack("<HHH", i, j, 0)
+            date = isinstance(value, datetime)
+            place = struct.pack("<HHH", i, j, date)
+            if isinstance(value, datetime):
+                value = (value - datetime(1899, 12, 30)) / timedelta(days=1)
             found.append(record(LABEL, place + text(value, "H")) if isinstance(value, str)
                          else record(NUMBER, place + struct.pack("<d", value)))
     return b"".join([*found, record(EOF, b"")])
@@ -52,11 +56,12 @@ def cells(rows: Sequence[Row]) -> bytes:
 def biff(sheets: Sequence[tuple[str, Sequence[Row]]]) -> bytes:
     """The stream of a workbook: its globals with the place of each sheet, then the sheets."""
     bodies = [cells(rows) for _, rows in sheets]
+    formats = [record(XF, struct.pack("<HH16s", 0, number, b"")) for number in (0, 22)]  # general; date and time
 
     def front(places: Sequence[int]) -> bytes:
         names = [record(BOUNDSHEET, struct.pack("<IH", place, 0) + text(name, "B"))
                  for place, (name, _) in zip(places, sheets, strict=True)]
-        return b"".join([begin(GLOBALS), record(CODEPAGE, struct.pack("<H", 1200)), *names, record(EOF, b"")])
+        return b"".join([begin(GLOBALS), record(CODEPAGE, struct.pack("<H", 1200)), *formats, *names, record(EOF, b"")])
 
     place = len(front([0] * len(sheets)))
     places = []
