@@ -178,11 +178,23 @@ class Twin:
         self.env = twin.LabPendulum(**{"diagnostics": (), **spec.kwargs, **keywords}).gymnax(split=True)
         self.task = self.env.env.task.name
         self.discount, self.factor, self.noise = TASKS[self.task]
-        key, *keys = jax.random.split(jax.random.key(seed), ENVIRONMENTS + 1)
+        begin, before, *keys = jax.random.split(jax.random.key(seed), ENVIRONMENTS + 2)
         self.now = jax.vmap(self.env.reset)(jnp.stack(keys))
         self.inputs = self.now[0].shape[1]
-        begins = jax.random.randint(key, (ENVIRONMENTS,), 0, spec.max_episode_steps)
-        object.__setattr__(self.now[1], "time", begins)  # episodes that begin in their midst end sooner
+        length = spec.max_episode_steps
+        begins = jax.random.randint(begin, (ENVIRONMENTS,), 0, length)  # steps that the first episode is old
+        object.__setattr__(self.now[1], "time", begins)
+        self.now = self._at_random(self.now, jax.random.split(before, length))
+
+    @partial(jax.jit, static_argnums=0)
+    def _at_random(self, now, keys):
+        def step(now, key):
+            own, new = jax.random.split(key)
+            action = jax.random.uniform(new, (ENVIRONMENTS, 1), minval=-1.0)
+            observation, state, *_ = jax.vmap(self.env.step)(jax.random.split(own, ENVIRONMENTS), now[1], action)
+            return (observation, state), None
+
+        return jax.lax.scan(step, now, keys)[0]
 
     def round(self, agent, memory, key, largest, scale):
         agent, memory, self.now = self._round(agent, memory, self.now, key, largest, scale)
