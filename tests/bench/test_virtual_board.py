@@ -98,6 +98,7 @@ DRIVER = """
     import gymnasium as gym, numpy as np
     import pendulum_env
     from pendulum_env.bench import VirtualBoard
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # shells start background jobs with SIGINT ignored
     board = VirtualBoard("lab", log=sys.argv[1])
     env = gym.make("LabPendulumBench-v0", device=board, dt=0.03, log=sys.argv[2], max_episode_steps=-1, warn=False)
     env.reset(seed=0)

@@ -376,6 +376,15 @@ def test_between_states_nothing_overshoots_and_all_is_finite():
     assert np.isfinite(series["angle"]).all()
 
 
+def test_energies_between_states_are_on_a_straight_line():
+    at, names = np.linspace(0.0, 1.5, 16), ("kinetic", "potential", "heat", "work", "residual")
+    ledger = SimpleNamespace(**dict.fromkeys(names, np.array([1.0, 3.0])))
+    run = SimpleNamespace(time=np.array([0.0, 1.0]), angle=np.zeros(2), velocity=np.zeros(2), ledger=ledger)
+    series = films.at_times(run, at, True)
+    for name in names:
+        np.testing.assert_allclose(series[name], np.minimum(1.0 + 2.0 * at, 3.0), rtol=1e-15)
+
+
 @pytest.mark.usefixtures("interpreted")
 @pytest.mark.parametrize(("theme", "dt"), [pytest.param("dark", 0.02, marks=pytest.mark.slow), ("light", 0.5)])
 def test_a_films_frames_are_the_environments(tmp_path, monkeypatch, theme, dt):
