@@ -66,7 +66,7 @@ IDS: Mapping[str, Id] = MappingProxyType({
     "LabPendulumDmControl-v0": Id(Registered(1000), {
         "scene": "dm_control", "task": "dm_control", "velocity_bound": math.inf}, 790.0),
     "LabPendulumBalance-v0": Id(REGISTERED, {"task": "balance", "velocity_bound": math.inf}, 475.0),
-    "LabPendulumTrack-v0": Id(REGISTERED, {"task": "track", "velocity_bound": math.inf}, -2.47),
+    "LabPendulumTrack-v0": Id(REGISTERED, {"task": "track", "velocity_bound": math.inf}, -2.3),
     "LabPendulumMotorBench-v0": Id(REGISTERED, {"scene": "motor_bench", "velocity_bound": math.inf}, -693.0),
 })
 """Id -> what it is registered with."""
