@@ -1,4 +1,4 @@
-"""Train PPO on gymnax's Pendulum-v1 with PureJaxRL's settings: ``python gymnax_pendulum.py 5000000``.
+"""Train PPO on gymnax's Pendulum-v1 with PureJaxRL's settings: ``python examples/learning/gymnax_pendulum.py 3000000``.
 
 A peer of ``ppo.py``, in an environment of its own: ``pip install rejax "gymnax<0.1"``. The loop is that of rejax, the
 settings are those that PureJaxRL (Lu et al. 2022, github.com/luchris429/purejaxrl) gives for continuous actions. Every
