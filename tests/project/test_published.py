@@ -152,6 +152,13 @@ def given(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+def test_the_steps_of_a_release_are_a_list() -> None:
+    """Each begins a line: once a paragraph was wrapped over two of them."""
+    steps = re.findall(r"^(\d)\. \*\*(\w+)", CONTRIBUTING.partition("## Make a release")[2], flags=re.MULTILINE)
+    assert steps == [("1", "Number"), ("2", "CHANGELOG"), ("3", "Check"), ("4", "Rehearse"), ("5", "Tag"),
+                     ("6", "Approve")]
+
+
 def quiet() -> dict[str, str]:
     """Return the environment without settings of the tests, and without files of bytecode, which take pip a minute."""
     kept = {name: value for name, value in os.environ.items() if not name.startswith(("TWINE_", "PYTHON", "LAB_"))}
