@@ -17,8 +17,9 @@ easy:
   tried makes a difference;
 - exploration pushes for a while in one direction, as noise of the policy's last weights (Raffin, Kober & Stulp 2021,
   arXiv:2005.05719): a new random torque in each of 50 steps a second averages to none. Its size is bounded, too;
-- training begins amid pendulums that were pushed at random, in episodes that end at different times: from a common start
-  at rest each round would show one part of the episode alone, and some seeds only ever learn to roll over the top.
+- training begins amid pendulums that were pushed at random, in episodes that end at different times: from a common
+  start at rest each round would show one part of the episode alone. (The twin's one seed that was trained so learnt to
+  roll over the top, and no more.)
 """
 
 import argparse
