@@ -71,7 +71,8 @@ class LabPendulumEnv(Portable, gymnasium.Env[NDArray[np.float32], NDArray[np.flo
 
     `free` starts with the scene's usual run. `balance` starts upright, and `swing_up`, `swing_up_sparse` and `track`
     hanging, at random: the angle uniform within ±0.1 rad, the velocity within ±0.05 omega0. `swing_up_anywhere`,
-    `gymnasium` and `dm_control` start at any angle.
+    `gymnasium` and `dm_control` start at any angle, `swing_up_mixed` in three of four episodes, and hanging in the
+    others.
     ``reset(options={"angle": ..., "velocity": ...})`` sets the start in rad and rad/s, and
     ``options={"length": 0.5}`` a parameter of the scene for one episode.
 

@@ -35,6 +35,18 @@ def _upright(first: Any, second: Any, omega0: Any) -> tuple[Any, Any]:
     return math.pi + SPREAD * (2.0 * first - 1.0), omega0 * (SPEED_SPREAD * (2.0 * second - 1.0))
 
 
+HUNG = 0.25
+"""Part of the episodes of swing_up_mixed that begin as those of swing_up."""
+
+
+def _mixed(first: Any, second: Any, omega0: Any) -> tuple[Any, Any]:
+    hangs = 1.0 * (first < HUNG)  # 1 or 0, of arrays, too
+    hanging = SPREAD * (2.0 * first / HUNG - 1.0)
+    anywhere = 2.0 * math.pi * (first - HUNG) / (1.0 - HUNG)
+    fastest = hangs * SPEED_SPREAD + (1.0 - hangs)
+    return hangs * hanging + (1.0 - hangs) * anywhere, omega0 * (fastest * (2.0 * second - 1.0))
+
+
 def _nothing(phi: float, speed: float, action: float) -> float:
     return 0.0
 
@@ -108,6 +120,8 @@ _ALL = (
     Task("free", _nothing, equation="0"),
     Task("swing_up", _swing_up, start=_hanging, equation="-(phi² + 0.1 (velocity/omega0)² + 0.001 action²)"),
     Task("swing_up_anywhere", _swing_up, start={"angle": (0.0, 2.0 * math.pi), "speed": (-1.0, 1.0)},
+         equation="-(phi² + 0.1 (velocity/omega0)² + 0.001 action²)"),
+    Task("swing_up_mixed", _swing_up, start=_mixed,
          equation="-(phi² + 0.1 (velocity/omega0)² + 0.001 action²)"),
     Task("balance", _balance, _fell, _upright, equation="1 - (phi/0.5)² - 0.001 action²",
          ends='abs(phi) > 0.5: "fell"'),

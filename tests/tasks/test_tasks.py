@@ -16,7 +16,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
-from scipy.stats import kstest, uniform
+from scipy.stats import binomtest, kstest, uniform
 
 import integrators
 import pendulum_env
@@ -158,6 +158,18 @@ def test_swing_up_anywhere_starts_at_any_angle_with_up_to_omega0() -> None:
     _, infos = LabPendulumVectorEnv(2000, task="swing_up_anywhere", backend="python").reset(seed=0)
     assert kstest(np.remainder(infos["angle"], 2.0 * math.pi), uniform(0.0, 2.0 * math.pi).cdf).pvalue > 1e-3
     assert kstest(infos["velocity"] / OMEGA0, uniform(-1.0, 2.0).cdf).pvalue > 1e-3
+
+
+def test_swing_up_mixed_hangs_in_a_quarter_of_its_starts_and_has_any_angle_in_the_others() -> None:
+    """Kolmogorov's test of each part, and the binomial distribution of their sizes; a true one fails in 1 of 300 seeds."""
+    _, infos = LabPendulumVectorEnv(4000, task="swing_up_mixed", backend="python").reset(seed=0)
+    angle, speed = infos["angle"], infos["velocity"] / OMEGA0
+    hangs = (np.abs(angle) <= 0.1) & (np.abs(speed) <= 0.05)  # of the other starts 0.2 % look so, too
+    assert binomtest(int(hangs.sum()), 4000, 0.25 + 0.75 * 0.2 / (2.0 * math.pi) * 0.05).pvalue > 1e-3
+    assert kstest(angle[hangs], uniform(-0.1, 0.2).cdf).pvalue > 1e-3
+    assert kstest(speed[hangs], uniform(-0.05, 0.1).cdf).pvalue > 1e-3
+    assert kstest(np.remainder(angle[~hangs], 2.0 * math.pi), uniform(0.0, 2.0 * math.pi).cdf).pvalue > 1e-3
+    assert kstest(speed[~hangs], uniform(-1.0, 2.0).cdf).pvalue > 1e-3
 
 
 def test_holding_upright_fulfils_the_sparse_task() -> None:
