@@ -270,13 +270,16 @@ def draw(lines, file):
     figure, (axes,) = plots.figure()
     for line in lines:
         steps, returns = np.transpose(line["curve"])
-        axes.plot(steps / 1e6, returns, color="C0", lw=1.0, alpha=0.7)
+        axes.plot(steps / 1e6, returns, color="C0", marker=".", lw=1.0, alpha=0.7)
     name = lines[0]["id"]
     judge = gym.make_vec(name, 100, diagnostics=())
     follows = judge.unwrapped.task.goal.reference is not None  # which the controller cannot
     label, other = ("the package's policy", load("track")) if follows else ("controller", swing_up(judge))
-    axes.axhline(evaluate(other, judge, JUDGED).returns.mean(), color="C1", ls="--", label=label)
-    axes.set(xlabel="steps [million]", ylabel="return",
+    goal = evaluate(other, judge, JUDGED).returns.mean()
+    axes.axhline(goal, color="C1", ls="--", label=label)
+    if follows:  # the first returns, of -30, would leave no room for the last
+        axes.set_ylim(5.0 * goal, 0.0)
+    axes.set(xlabel="steps [million]", ylabel="return", xlim=(0.0, None),
              title=f"PPO on {name}: {len(lines)} seeds" + ("" if follows else ", until each has solved it"))
     axes.legend()
     plots.save(figure, file, provenance())
