@@ -74,16 +74,22 @@ def main():
     parser.add_argument("--seeds", type=int, nargs="*", default=[1])
     options, flags = parser.parse_known_args()
     flags = flags or FLAGS
-    program, file = options.program.resolve(), options.file.resolve()
+    program, file, home = options.program.resolve(), options.file.resolve(), Path.cwd()
+    if not program.is_file():
+        parser.error(f"there is no file {options.program}; give ppo_continuous_action.py of your copy of CleanRL.")
+    lines = [json.loads(one) for one in file.read_text().splitlines()] if file.exists() else []
     # CleanRL is written for Gymnasium 0.29, whose wrapper did not ask for the space that its function leads to.
     gym.wrappers.TransformObservation = partial(gym.wrappers.TransformObservation, observation_space=None)
     torch.set_num_threads(1)
-    os.chdir(tempfile.mkdtemp())  # the program writes its curves into runs/
-    lines = [json.loads(one) for one in file.read_text().splitlines()] if file.exists() else []
     for seed in options.seeds:
         if any((one["seed"], one["flags"]) == (seed, flags) for one in lines):
             continue
-        line = judged(program, seed, flags)
+        with tempfile.TemporaryDirectory() as folder:  # the program writes its curves into runs/
+            os.chdir(folder)
+            try:
+                line = judged(program, seed, flags)
+            finally:
+                os.chdir(home)
         with file.open("a") as out:
             out.write(json.dumps(line) + "\n")
         print(f"seed {seed}: return {line['return']:.1f}, {line['upright']:.0%} upright, "

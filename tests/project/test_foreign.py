@@ -8,12 +8,18 @@ the native vector, which needs no adapter. Adapters of the package have tests in
 
 from __future__ import annotations
 
+import json
 import subprocess
 from pathlib import Path
+from typing import Any
 
+import gymnasium as gym
+import numpy as np
 import pytest
 from beside import FOREIGN, environment
 from readme_code import ROOT
+
+from pendulum_env.controllers import evaluate
 
 STABLE_BASELINES_CHECK = """
 import os
@@ -258,6 +264,30 @@ assert terminated or truncated
 print("recovered", reasons)
 """
 
+CLEANRL_PROGRAM = """
+import sys
+import gymnasium as gym
+import numpy as np
+import torch
+
+class Agent(torch.nn.Module):
+    def __init__(self):
+        super().__init__()
+        self.actor_mean = torch.nn.Linear(3, 1, bias=False)
+
+def single():
+    env = gym.wrappers.NormalizeObservation(gym.make(sys.argv[sys.argv.index("--env-id") + 1]))
+    return gym.wrappers.TransformObservation(env, lambda seen: np.clip(seen, -10, 10))  # as for Gymnasium 0.29
+
+if __name__ == "__main__":
+    open("curves", "w").close()
+    envs, agent = gym.vector.SyncVectorEnv([single]), Agent()
+    normal = envs.envs[0].env.obs_rms
+    normal.mean, normal.var = np.array([0.5, 0.0, 1.0]), np.array([1.0, 4.0, 0.25])
+    agent.actor_mean.weight.data = torch.tensor([[0.1, 0.2, -0.3]]) * float(sys.argv[sys.argv.index("--seed") + 1])
+    envs.close()
+"""
+
 SCRIPTS = {
     "stable-baselines3 checks": (STABLE_BASELINES_CHECK, "combinations"),
     "stable-baselines3 trains": (STABLE_BASELINES_TRAIN, "trained 128"),
@@ -284,6 +314,27 @@ def test_foreign_programs(foreign: Path, name: str, tmp_path: Path) -> None:
     print(done.stdout)
     assert done.returncode == 0, done.stderr
     assert said in done.stdout
+
+
+@pytest.mark.slow
+def test_cleanrls_agent_is_judged_as_it_saw_the_world(foreign: Path, tmp_path: Path) -> None:
+    """With a program in place of CleanRL's, whose agents are known: its normalisation belongs to the policy."""
+    (tmp_path / "program.py").write_text(CLEANRL_PROGRAM, encoding="utf-8")
+    example = ROOT / "examples" / "learning" / "clean_rl.py"
+    command = [foreign, example, "program.py", "lines.jsonl", "--seeds", "1", "2"]
+    for _ in range(2):  # the second time nothing is left to do
+        done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+    lines = [json.loads(line) for line in (tmp_path / "lines.jsonl").read_text(encoding="utf-8").splitlines()]
+    assert [line["seed"] for line in lines] == [1, 2]
+    assert {path.name for path in tmp_path.iterdir()} == {"program.py", "lines.jsonl"}
+    for line in lines:
+        def policy(seen: Any, seed: int = line["seed"]) -> Any:
+            x = ((seen - [0.5, 0.0, 1.0]) / [1.0, 2.0, 0.5]).clip(-10.0, 10.0)
+            return (seed * (x @ [0.1, 0.2, -0.3])).clip(-1.0, 1.0)[:, None].astype(np.float32)
+
+        found = evaluate(policy, gym.make_vec("LabPendulum-v0", 100, diagnostics=()), 10**6)
+        assert line["return"] == pytest.approx(found.returns.mean(), rel=1e-4)
 
 
 @pytest.mark.slow
