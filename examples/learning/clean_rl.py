@@ -28,7 +28,7 @@ import pendulum_env
 from pendulum_env.controllers import evaluate
 
 ID, EPISODES, FIRST = "LabPendulum-v0", 100, 10**6  # FIRST: seed of the episodes that judge
-FLAGS = ["--env-id", "pendulum_env:LabPendulumAnywhere-v0", "--gamma", "0.9", "--learning-rate", "1e-3",
+FLAGS = ["--env-id", "pendulum_env:LabPendulumAnywhere-v0", "--gamma", "0.95", "--learning-rate", "1e-3",
          "--ent-coef", "0.02", "--total-timesteps", "300000"]
 
 
