@@ -36,6 +36,7 @@ TITLES = {
     "three_eulers": "Three Euler methods", "fit": "A recording and its fit", "corner": "What a fit leaves open",
     "acquire": "A sensor, live", "track": "A film, and the swing in it", "track_page": "Clicks on a film",
     "learning": "What policies learn of their integrator", "learning_swing_up": "Ten policies learn to swing up",
+    "learning_balance": "Ten policies learn to balance", "learning_track": "Ten policies learn to follow a swing",
     "energy": "Energy of five integrators", "cost": "What accuracy costs",
     "precision": "Accuracy beside other libraries", "gradients": "Derivatives, and what they cost",
 }
