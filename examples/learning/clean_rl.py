@@ -22,7 +22,6 @@ from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
-import torch
 
 import pendulum_env
 from pendulum_env.controllers import evaluate
@@ -34,6 +33,9 @@ FLAGS = ["--env-id", "pendulum_env:LabPendulumAnywhere-v0", "--gamma", "0.95", "
 
 def trained(program, seed, flags):
     """Run the program and return its policy, a function from observations of many pendulums to their actions."""
+    import torch
+
+    torch.set_num_threads(1)
     sys.argv = [program.name, "--seed", str(seed), *flags]
     names = runpy.run_path(str(program), run_name="__main__")
     agent, envs = names["agent"].cpu(), names["envs"].envs
@@ -57,6 +59,8 @@ def running(env):
 
 def judged(program, seed, flags):
     """Train and judge an agent; return what its line says of it."""
+    import torch
+
     begun, worked = time.perf_counter(), time.process_time()
     policy = trained(program, seed, flags)
     took = {"seconds": time.perf_counter() - begun, "processor_seconds": time.process_time() - worked}
@@ -80,7 +84,6 @@ def main():
     lines = [json.loads(one) for one in file.read_text().splitlines()] if file.exists() else []
     # CleanRL is written for Gymnasium 0.29, whose wrapper did not ask for the space that its function leads to.
     gym.wrappers.TransformObservation = partial(gym.wrappers.TransformObservation, observation_space=None)
-    torch.set_num_threads(1)
     for seed in options.seeds:
         if any((one["seed"], one["flags"]) == (seed, flags) for one in lines):
             continue
