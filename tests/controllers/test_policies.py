@@ -86,7 +86,6 @@ def test_the_table_of_policies_is_that_of_their_cards(name: str) -> None:
     assert row.endswith(f"| {returns['mean']:.5g} ± {returns['sd']:.2g} |")
 
 
-@pytest.mark.slow
 def test_the_command_chooses_the_best_and_computes_its_card(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -100,8 +100,7 @@ def test_interpreted_blocks_have_the_same_bits(method: str) -> None:
 
 @pytest.mark.parametrize("place", [
     pytest.param(i, id=name, marks=() if name == "quinlan8a" else pytest.mark.slow) for i, name in enumerate(LONG)])
-@pytest.mark.parametrize("every", [
-    pytest.param(1, marks=pytest.mark.slow), 3, 8, pytest.param(11, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("every", [1, 3, 8, 11])
 def test_calls_may_end_at_any_step(place: int, every: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Runs that take a few steps in each call of the program have the bits of runs that take all in one.
 

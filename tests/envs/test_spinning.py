@@ -73,7 +73,7 @@ def _alone() -> None:
     assert members() == 0
 
 
-@pytest.mark.quick("options0")
+@pytest.mark.quick("options1")
 @pytest.mark.parametrize("options", [
     {}, {"substeps": 50}, pytest.param({"autoreset_mode": "SameStep"}, marks=pytest.mark.slow),
     pytest.param({"length": np.linspace(0.2, 0.5, SIZE)}, marks=pytest.mark.slow),

@@ -144,7 +144,7 @@ def test_a_frame_is_a_fresh_contiguous_picture_of_its_size() -> None:
         assert image.base is None
         np.testing.assert_array_equal(image, frame(ROD, BUSY, size, look))
 
-    check_all(itertools.product((50, 130, (300, 700), (700, 300)), (
+    check_all(itertools.product((50, 100, 130, 200, 333, (300, 700), (700, 300)), (
         ("apparatus",), ("phase",), ("residual", "history"), tuple(PANELS)), THEMES), check)
 
 

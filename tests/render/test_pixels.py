@@ -82,7 +82,7 @@ def test_compiled_and_interpreted_loops_paint_the_same(
 ) -> None:
     """Interpreted loops also find an index that is too large, as Python checks it."""
     def painted() -> list[Any]:
-        images = [paper(seed) for seed in range(10)]
+        images = [paper(seed) for seed in range(20)]
         for seed, image in enumerate(images):
             shapes(image, seed)
         return images
@@ -91,7 +91,7 @@ def test_compiled_and_interpreted_loops_paint_the_same(
     one, two = painted(), by_python(painted)
     for seed, (compiled, plain) in enumerate(zip(one, two, strict=True)):
         np.testing.assert_array_equal(compiled, plain, err_msg=str(seed))
-    assert sum((image != paper(seed)).any() for seed, image in enumerate(one)) > 8
+    assert sum((image != paper(seed)).any() for seed, image in enumerate(one)) > 17
 
 
 def test_the_shapes_call_every_loop(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,7 +1,7 @@
 """Which cases the quick tests take: methods are many, and slow tests take them all.
 
-Quick tests take three methods in every case; the other plain ones, and one of each further family, in every third case
-or so, and of the rest one in thirty-six, in tests that need no scene, so that each is in many. In tests that run
+Quick tests take three methods in every case; the other plain ones, and one of each further family, in every other case
+or so, and of the rest one in twenty-four, in tests that need no scene, so that each is in many. In tests that run
 methods in scenes only those of EVERYWHERE are quick, in some of the cases; in scenes that are not FAMILIAR only rk4.
 Choices follow from names, so that a new entry changes no other entry's. Where whole combinations are many, tests take
 enough of them to hold pairs of values, in which methods of one kind count as one; ``LAB_PENDULUM_GRID=full`` takes each
@@ -30,7 +30,7 @@ FITS = {(name, method) for name, scene in SCENES.items() for method in fitting(s
 """Scenes and the methods that fit them."""
 FULL = os.environ.get("LAB_PENDULUM_GRID") == "full"
 """Whether slow tests run each grid whole, rather than the pairs that it lists."""
-TURNS, FEWER, OTHER = 36, 12, 3
+TURNS, FEWER, OTHER = 24, 9, 2
 ALWAYS = {"rk4", "symplectic_euler", "backward_euler"}
 """Methods that every quick test takes: an explicit, a symplectic and an implicit one."""
 EVERYWHERE = (
@@ -66,7 +66,7 @@ def familiar(scenes: Iterable[str]) -> list[Any]:
 
 
 def quick(methods: Iterable[str], turn: int) -> list[str]:
-    """Return those of EVERYWHERE, and of the others about one in thirty-six, for a test that takes many at once."""
+    """Return those of EVERYWHERE, and of the others about one in twenty-four, for a test that takes many at once."""
     return [name for name in methods if name in EVERYWHERE or turn_of(name, TURNS) == turn]
 
 
