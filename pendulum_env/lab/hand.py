@@ -6,7 +6,6 @@ import math
 import os
 import re
 from collections.abc import Sequence
-from decimal import Decimal
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -116,8 +115,11 @@ class HandTable:
 
 def half_a_digit(texts: Sequence[str]) -> float:
     """Return half a unit of the last digit of the numbers in texts, of the one with most decimals: 0.005 for 1.19."""
-    numbers = (Decimal(text.replace(",", ".")) for text in texts)
-    return 0.5 * 10.0 ** max(-300, min(300, *(int(number.as_tuple().exponent) for number in numbers)))
+    def last(text: str) -> float:
+        number, _, power = text.strip().lower().replace(",", ".").partition("e")
+        return float(power or 0) - len(number.partition(".")[2])  # a power of any length: 1e-99999999999999999999
+
+    return 0.5 * 10.0 ** max(-300.0, min(300.0, *map(last, texts)))
 
 
 def complete(*columns: FloatArray | None) -> list[FloatArray | None]:

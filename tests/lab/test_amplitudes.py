@@ -207,3 +207,11 @@ def test_measure_writes_numbers_readings_and_figure(tmp_path: Path, run_here: He
         assert code == 2
         assert wrong in said
         assert not (tmp_path / "y").exists()
+
+
+def test_a_power_of_twenty_digits_is_a_small_number_like_others(tmp_path: Path) -> None:
+    """A find of the fuzzing: Python's Decimal refuses such a power, which float reads as 0."""
+    path = tmp_path / "swing.csv"
+    path.write_text("time [s],amplitude [deg]\n0,30\n10,25.5\n20,1e-99999999999999999999\n30,17\n", encoding="utf-8")
+    with pytest.raises(RecordingError, match="leave out readings of a bob at rest"):
+        measure_amplitudes(path)
