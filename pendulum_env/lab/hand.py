@@ -119,7 +119,7 @@ def half_a_digit(texts: Sequence[str]) -> float:
         number, _, power = text.strip().lower().replace(",", ".").partition("e")
         return float(power or 0) - len(number.partition(".")[2])  # a power of any length: 1e-99999999999999999999
 
-    return 0.5 * 10.0 ** max(-300.0, min(300.0, *map(last, texts)))
+    return 0.5 * math.pow(10.0, max(-300.0, min(300.0, *map(last, texts))))
 
 
 def complete(*columns: FloatArray | None) -> list[FloatArray | None]:
