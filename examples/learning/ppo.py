@@ -268,6 +268,7 @@ def solve(name, seed, source, rounds) -> tuple[dict, Policy]:
 def draw(lines, file):
     """Draw the learning curves of one id's lines, and the return of the controller, of track that of our policy."""
     figure, (axes,) = plots.figure()
+    longest = max(line["steps"] for line in lines) / 1e6
     for line in lines:
         steps, returns = np.transpose(line["curve"])
         axes.plot(steps / 1e6, returns, color="C0", marker=".", lw=1.0, alpha=0.7)
@@ -277,9 +278,9 @@ def draw(lines, file):
     label, other = ("the package's policy", load("track")) if follows else ("controller", swing_up(judge))
     goal = evaluate(other, judge, JUDGED).returns.mean()
     axes.axhline(goal, color="C1", ls="--", label=label)
-    if follows:  # the first returns, of -30, would leave no room for the last
+    if follows:  # the first returns, of -35, would leave no room for the last
         axes.set_ylim(5.0 * goal, 0.0)
-    axes.set(xlabel="steps [million]", ylabel="return", xlim=(0.0, None),
+    axes.set(xlabel="steps [million]", ylabel="return", xlim=(0.0, 1.02 * longest),
              title=f"PPO on {name}: {len(lines)} seeds" + ("" if follows else ", until each has solved it"))
     axes.legend()
     plots.save(figure, file, provenance())

@@ -20,6 +20,9 @@ SPREAD, SPEED_SPREAD = 0.1, 0.05
 FELL_ANGLE = 0.5
 """Angle from upright beyond which the balancing task is lost [rad]."""
 
+HUNG = 0.25
+"""Part of the episodes of swing_up_mixed that begin as those of swing_up."""
+
 TOLERANCE = math.radians(8.0)
 """Angle from upright up to which the task of dm_control is fulfilled [rad]."""
 
@@ -33,10 +36,6 @@ def _hanging(first: Any, second: Any, omega0: Any) -> tuple[Any, Any]:
 
 def _upright(first: Any, second: Any, omega0: Any) -> tuple[Any, Any]:
     return math.pi + SPREAD * (2.0 * first - 1.0), omega0 * (SPEED_SPREAD * (2.0 * second - 1.0))
-
-
-HUNG = 0.25
-"""Part of the episodes of swing_up_mixed that begin as those of swing_up."""
 
 
 def _mixed(first: Any, second: Any, omega0: Any) -> tuple[Any, Any]:
@@ -116,13 +115,15 @@ def track(
     return Task(name, _follow, start=_hanging, reference=aim, equation="-(error² + 0.001 action²)")
 
 
+SWINGING_UP = "-(phi² + 0.1 (velocity/omega0)² + 0.001 action²)"
+"""The reward of swing_up, and of the same from other starts, as text."""
+
 _ALL = (
     Task("free", _nothing, equation="0"),
-    Task("swing_up", _swing_up, start=_hanging, equation="-(phi² + 0.1 (velocity/omega0)² + 0.001 action²)"),
+    Task("swing_up", _swing_up, start=_hanging, equation=SWINGING_UP),
     Task("swing_up_anywhere", _swing_up, start={"angle": (0.0, 2.0 * math.pi), "speed": (-1.0, 1.0)},
-         equation="-(phi² + 0.1 (velocity/omega0)² + 0.001 action²)"),
-    Task("swing_up_mixed", _swing_up, start=_mixed,
-         equation="-(phi² + 0.1 (velocity/omega0)² + 0.001 action²)"),
+         equation=SWINGING_UP),
+    Task("swing_up_mixed", _swing_up, start=_mixed, equation=SWINGING_UP),
     Task("balance", _balance, _fell, _upright, equation="1 - (phi/0.5)² - 0.001 action²",
          ends='abs(phi) > 0.5: "fell"'),
     Task("swing_up_sparse", _swing_up_sparse, start=_hanging,

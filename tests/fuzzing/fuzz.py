@@ -279,7 +279,9 @@ def of_command(case: Case) -> None:
             raise AssertionError(f"exit code {end.code}") from None
     finally:
         sys.argv = before
-    if "Traceback" in said.getvalue() and "TimeUp" not in said.getvalue():  # in a callback of LLVM, which prints it
+    if "TimeUp" in said.getvalue():  # the alarm came within a callback of LLVM, which prints it and goes on
+        raise TimeUp
+    if "Traceback" in said.getvalue():
         raise AssertionError(said.getvalue()[-2000:])
 
 
