@@ -65,7 +65,7 @@ DESCRIBED: Mapping[str, str] = {
     "free": "Let go and watched: nothing is rewarded.",
     "swing_up": "Swing the bob up, with a motor that is too weak to lift it directly, and hold it there.",
     "swing_up_anywhere": "Swing the bob up and hold it there, from any angle, with up to omega0.",
-    "swing_up_mixed": "Swing the bob up and hold it there: a quarter of the episodes begin hanging, the others at any angle.",
+    "swing_up_mixed": "Swing the bob up and hold it there: one episode in four begins hanging, the others anywhere.",
     "balance": "Hold the bob upright, from a start near the top.",
     "swing_up_sparse": "Swing up and hold, with a reward at the top alone.",
     "track": "Follow a reference angle, by default a slow swing.",
