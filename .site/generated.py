@@ -14,6 +14,7 @@ from types import ModuleType
 from typing import Any
 
 import gymnasium
+import numpy as np
 from sphinx.ext.autodoc.mock import mock, undecorate
 
 import pendulum_env
@@ -73,6 +74,10 @@ DESCRIBED: Mapping[str, str] = {
     "dm_control": "The task of the pendulum of dm_control.",
 }
 """Task -> what it asks of an agent, in a sentence; a task without one has its reward alone."""
+STARTS: Mapping[str, str] = {
+    "swing_up_mixed": "At random: in one episode of four as in `swing_up`, in the others as in `swing_up_anywhere`.",
+}
+"""Task -> where its episodes start, in a sentence, if angle and velocity are not uniform in a range."""
 
 
 def pages() -> Iterator[tuple[str, str]]:
@@ -180,6 +185,11 @@ def start(task: Task) -> str:
     """Return where a task's episodes start, from the function that starts them."""
     if not task.draws:
         return "The scene's usual run."
+    if task.name in STARTS:
+        return STARTS[task.name]
+    drawn = np.array([task.starts(x, x, 1.0) for x in (0.0, 0.25, 0.5, 0.75, 1.0)])
+    if np.ptp(np.diff(drawn, axis=0), axis=0).max() > 1e-12:
+        raise ValueError(f"The task {task.name} draws no uniform start; say in STARTS where its episodes start.")
     (low, slow), (high, fast) = (task.starts(x, x, 1.0) for x in (0.0, 1.0))
     (_, slower), (_, faster) = (task.starts(x, x, 2.0) for x in (0.0, 1.0))
     unit = "omega0" if (slower, faster) != (slow, fast) else "rad/s"

@@ -19,11 +19,13 @@ from types import ModuleType
 from typing import Any
 from urllib.parse import unquote, urlsplit
 
+import numpy as np
 import pytest
 from beside import environment, once
 from check_all import check_all
 from in_browser import visited
 from readme_code import READMES, ROOT, only
+from scipy.stats import kstest, uniform
 
 import pendulum_env
 from pendulum_env.cli import COMMANDS
@@ -209,6 +211,24 @@ def test_each_entry_has_its_page(site: Path) -> None:
     for page in READMES.values():
         for picture in re.findall(r"^!\[[^\]]*\]\([^)]*?([\w-]+\.(?:png|gif))\)", page, flags=re.M):
             assert picture in shown
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", TASKS)
+def test_a_start_that_a_page_calls_uniform_is_so(site: Path, name: str) -> None:
+    """Kolmogorov's test of 2000 starts; a page may say in words where episodes start that are not uniform."""
+    page = (site / "environments" / f"{name}.html").read_text(encoding="utf-8")
+    text = " ".join(re.sub("<[^>]+>", "", page).split())
+    found = re.search(r"from hanging in \[(.+?), (.+?)\] rad, the velocity in \[(.+?), (.+?)\] (omega0|rad)", text)
+    if not found:
+        assert ("The scene's usual run" if name == "free" else "At random: in one episode") in text
+        return
+    env = pendulum_env.LabPendulumVectorEnv(2000, task=name, backend="python")
+    infos = env.reset(seed=0)[1]
+    unit = float(env.unwrapped.scene.omega0) if found[5] == "omega0" else 1.0
+    for values, low, high in ((infos["angle"], *found.groups()[:2]), (infos["velocity"] / unit, *found.groups()[2:4])):
+        begin, wide = float(low), float(high) - float(low)
+        assert np.ptp(values) == 0.0 if wide == 0.0 else kstest(values, uniform(begin, wide).cdf).pvalue > 1e-3
 
 
 @pytest.mark.slow
